@@ -1,0 +1,16 @@
+// The one exception that bad input or configuration raises.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace vio {
+
+/// Bad input or configuration. what() is one line that says where, what is wrong and what to do:
+/// "FILE (place): problem; remedy".
+class InputError : public std::runtime_error {
+   public:
+    using std::runtime_error::runtime_error;
+};
+
+}  // namespace vio

@@ -1,0 +1,85 @@
+// Batch estimator (section 4 of the paper): Levenberg-Marquardt over every pose, velocity, point,
+// gravity and bias at once.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libvio/base/estimate.h"
+#include "libvio/base/options.h"
+#include "libvio/camera/rig.h"
+#include "libvio/imu/integration.h"
+
+namespace vio {
+
+/// A point whose position is known beforehand, in the frame of the survey.
+struct Fiducial {
+    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();              ///< [m]
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();       ///< [m^2]; zero: exactly known
+};
+
+/// Everything that was observed. An empty IMU sequence makes the estimate image-only.
+struct BatchProblem {
+    Rig rig;
+    std::vector<FeatureFrame> frames;  ///< in order of time
+    ImuSequence imu;
+    std::map<FeatureId, Fiducial> fiducials;  ///< if any, W is the frame of the survey
+};
+
+struct BatchOptions {
+    double sigma_px = 1.0;
+    std::string weighting = "preintegrated";   ///< preintegrated | fixed
+    double fixed_variance = 1e-5;              ///< of rotation, velocity, position when fixed
+    std::string gravity = "magnitude";         ///< magnitude (fixed norm) | free
+    double gravity_norm = 9.81;                ///< [m/s^2]
+    std::string bias = "random_walk";          ///< random_walk | constant
+    double accel_bias_sigma = 0.5;             ///< prior, Eq. (12) [m/s^2]
+    double gyro_bias_sigma = 0.1;              ///< prior [rad/s]
+    std::string loss = "cauchy";               ///< none | huber | cauchy
+    double loss_width = 2.0;                   ///< in standard deviations
+    std::string start = "staged";              ///< blind | staged (ignored when a start is given)
+    double blind_distance = 3.0;               ///< [m]
+    int max_iterations = 200;
+    double cost_tolerance = 1e-8;
+    double outlier_sigmas = 5.0;               ///< observations beyond are dropped after convergence
+    bool covariances = true;
+
+    void describe(OptionSet& options);
+};
+
+/// How the minimisation went.
+struct BatchReport {
+    bool converged = false;
+    std::string reason;  ///< why it stopped, in words
+    int iterations = 0;
+    double initial_cost = 0, final_cost = 0;
+    double image_cost = 0, inertial_cost = 0, prior_cost = 0;
+    int observations = 0, outliers = 0;
+    double seconds = 0;
+};
+
+/// Joint estimate of the last state and the points that it sees, for the recursive estimator.
+/// Error order: the last state's 15 (StateIndex), then three for each landmark in order.
+struct BatchTail {
+    StateEstimate state;
+    std::vector<LandmarkEstimate> landmarks;
+    Eigen::Vector3d g_W;
+    Eigen::MatrixXd covariance;  ///< (15 + 3 n) square
+};
+
+struct BatchResult {
+    Estimate estimate;
+    BatchReport report;
+    std::optional<BatchTail> tail;  ///< if asked for
+};
+
+/// Runs the estimator. `start`, if given, holds a state for every frame (by time); its landmarks are
+/// optional. Throws InputError for input that cannot be estimated from (too few images, no common
+/// features, IMU that does not cover the images); a failed minimisation is reported, not thrown.
+BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
+                           const std::optional<Estimate>& start = std::nullopt,
+                           bool want_tail = false);
+
+}  // namespace vio

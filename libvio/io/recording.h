@@ -1,0 +1,67 @@
+// Reading a rawlog as a stream of the library's own measurements.
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "libvio/base/types.h"
+#include "libvio/camera/rig.h"
+
+namespace vio {
+
+struct ImageMessage {
+    TimeNs t = 0;
+    cv::Mat image;  ///< 8-bit grey
+};
+
+/// Odometry pose of the vehicle in its own frame.
+struct OdometryMessage {
+    TimeNs t = 0;
+    Pose T_O_B;
+};
+
+/// GPS fix, WGS84.
+struct GpsMessage {
+    TimeNs t = 0;
+    double latitude_deg = 0, longitude_deg = 0, altitude_m = 0;
+    int fix_quality = 0;
+};
+
+using Message = std::variant<ImuReading, ImageMessage, FeatureFrame, OdometryMessage, GpsMessage>;
+
+struct RecordingOptions {
+    std::string camera_label;  ///< empty: the first camera in the file
+    std::string imu_label;     ///< empty: the first IMU in the file
+};
+
+/// Streams a rawlog in bounded memory.
+class Recording {
+   public:
+    /// Opens the file and reads on to the first camera and IMU observation for the calibration.
+    /// Throws InputError for a missing, foreign or damaged file.
+    explicit Recording(const std::string& file, const RecordingOptions& options = {});
+    ~Recording();
+
+    /// Calibration that the rawlog carries, with noise densities from the sidecar FILE.imu.ini where
+    /// there is one. camera is null if the rawlog has no camera or no calibration.
+    const Rig& rig() const;
+    bool has_imu() const;
+    bool has_images() const;
+    bool has_features() const;
+
+    /// Next message in file order; nothing at the clean end. Throws InputError (file, position, what
+    /// was kept) where the file is damaged.
+    std::optional<Message> next();
+
+    /// Share of the file that has been read, 0 to 1 (for progress).
+    double progress() const;
+
+   private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace vio
