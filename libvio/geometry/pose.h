@@ -31,6 +31,12 @@ struct Pose {
     }
 };
 
+/// Pose of the body at a time: one row of a trajectory.
+struct TimedPose {
+    TimeNs t = 0;
+    Pose T_W_B;
+};
+
 /// d (T_A_B * T_B_C) / d T_A_B in the tangent order above: maps the covariance of T_A_B to that of
 /// T_A_C when T_B_C is known exactly.
 inline Matrix6d right_compose_jacobian(const Pose& T_A_B, const Pose& T_B_C) {
