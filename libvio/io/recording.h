@@ -35,31 +35,37 @@ using Message = std::variant<ImuReading, ImageMessage, FeatureFrame, OdometryMes
 struct RecordingOptions {
     std::string camera_label;  ///< empty: the first camera in the file
     std::string imu_label;     ///< empty: the first IMU in the file
+    /// Calibration that overrides the sidecar's and the rawlog's, key by key; format in
+    /// share/formats.md. Empty: none.
+    std::string calibration_file;
 };
 
-/// Streams a rawlog in bounded memory.
+/// Streams a rawlog in bounded memory. Sensors with other labels than the chosen ones, and other
+/// kinds of observations, are passed over.
 class Recording {
-   public:
+ public:
     /// Opens the file and reads on to the first camera and IMU observation for the calibration.
     /// Throws InputError for a missing, foreign or damaged file.
     explicit Recording(const std::string& file, const RecordingOptions& options = {});
     ~Recording();
 
-    /// Calibration that the rawlog carries, with noise densities from the sidecar FILE.imu.ini where
-    /// there is one. camera is null if the rawlog has no camera or no calibration.
+    /// Calibration that the rawlog carries, overridden by the sidecar NAME.calibration.ini beside
+    /// NAME.rawlog where there is one (noise densities have no field in a rawlog), and by
+    /// RecordingOptions::calibration_file. camera is null if there are no images and no features,
+    /// or no calibration.
     const Rig& rig() const;
     bool has_imu() const;
     bool has_images() const;
     bool has_features() const;
 
-    /// Next message in file order; nothing at the clean end. Throws InputError (file, position, what
-    /// was kept) where the file is damaged.
+    /// Next message in file order; nothing at the clean end. Throws InputError (file, position,
+    /// what was kept) where the file is damaged.
     std::optional<Message> next();
 
     /// Share of the file that has been read, 0 to 1 (for progress).
     double progress() const;
 
-   private:
+ private:
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

@@ -1,0 +1,39 @@
+// Import of EuRoC/ASL data sets.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "libvio/base/types.h"
+
+namespace vio {
+
+struct AslImportOptions {
+    std::string camera = "cam0";   ///< camera folder; becomes the sensor label
+    std::string imu = "imu0";      ///< IMU folder; becomes the sensor label
+    bool external_images = false;  ///< PNG files beside the rawlog, else embedded
+};
+
+/// What was imported.
+struct AslImportReport {
+    int images = 0, feature_frames = 0, imu_readings = 0, truth_poses = 0;
+    TimeNs first = 0, last = 0;  ///< stamps of the first and last measurement
+    std::string truth_file;      ///< X.truth.tum, empty if there was no ground truth
+};
+
+/// Converts a data set in ASL layout to a rawlog. `dir` contains mav0/ or is it:
+/// - cam0/sensor.yaml with cam0/data.csv (images) and/or cam0/features.csv[.gz] (rows
+///   timestamp_ns,feature_id,u_px,v_px);
+/// - imu0/sensor.yaml and imu0/data.csv (optional);
+/// - state_groundtruth_estimate0/data.csv or mocap0/data.csv (optional), written as X.truth.tum
+///   (T_W_B) beside X.rawlog.
+/// Body frame B is the data set's; T_BS and intrinsics go into the rawlog's own fields, noise
+/// densities into X.calibration.ini. Rows may have more columns; lines that begin with # are
+/// comments. `progress` receives the share done, 0 to 1.
+/// Throws InputError naming file and line for missing files, malformed rows, unknown models and
+/// stamps that do not increase; no rawlog is left then.
+AslImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
+                           const AslImportOptions& options = {},
+                           const std::function<void(double)>& progress = {});
+
+}  // namespace vio

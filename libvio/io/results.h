@@ -1,0 +1,45 @@
+// The results folder: everything that a run leaves, in fixed file names.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "libvio/base/estimate.h"
+#include "libvio/camera/rig.h"
+
+namespace vio {
+
+/// What goes into a results folder.
+struct Results {
+    Estimate estimate;
+    Rig rig;                              ///< stored with the key-frames
+    std::vector<FeatureFrame> keyframes;  ///< frames for keyframes.simplemap (see select_keyframes)
+    std::string options_ini;              ///< text of options.ini (OptionSet::to_ini)
+    /// Caller's part of summary.json (an object). The writer adds images, landmarks, duration_s,
+    /// path_length_m, gravity and has_scale.
+    nlohmann::json summary = nlohmann::json::object();
+};
+
+/// Throws InputError if the folder cannot hold results: a file of that name exists, it cannot be
+/// made, or it holds results already and overwrite is false. Call before long work.
+void check_results_folder(const std::string& folder, bool overwrite);
+
+/// Writes trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv, landmarks.ply,
+/// landmarks.txt, keyframes.simplemap, options.ini and summary.json into the folder (made if
+/// missing; other files in it are left alone). Each file appears complete or not at all. Formats:
+/// share/formats.md. Throws as check_results_folder does, and if the disk is full.
+void write_results(const std::string& folder, const Results& results, bool overwrite = false);
+
+/// Reads an estimate back from trajectory.tum (required), trajectory_cov.txt, states.csv,
+/// landmarks.ply and summary.json (each optional: what it holds is left at its default).
+/// Covariances of velocity and biases come back as their diagonals, without correlations. Throws
+/// InputError (file and line) for a missing trajectory or malformed content.
+Estimate read_results(const std::string& folder);
+
+/// Frames that follow the motion: the first, every one that shares less than `overlap` of its
+/// features with the key-frame before, and the last.
+std::vector<FeatureFrame> select_keyframes(const std::vector<FeatureFrame>& frames,
+                                           double overlap = 0.6);
+
+}  // namespace vio

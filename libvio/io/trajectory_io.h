@@ -1,0 +1,31 @@
+// Trajectories as text: TUM (read and written) and EuRoC ground truth (read).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "libvio/base/types.h"
+#include "libvio/geometry/pose.h"
+
+namespace vio {
+
+struct TimedPose {
+    TimeNs t = 0;
+    Pose T_W_B;
+};
+
+/// Reads a trajectory in order of time, plain or gzip-compressed, in either form:
+/// - TUM text: `t[s] x y z qx qy qz qw`, separated by blanks; the decimal stamp is taken exactly;
+/// - EuRoC CSV: `t[ns],x,y,z,qw,qx,qy,qz[,more columns]`, whose other columns are not read.
+/// Lines that begin with # are comments. Throws InputError (file and line) for a missing or empty
+/// file, a malformed row, a quaternion that is not of unit length within 1 %, and stamps that do
+/// not increase.
+std::vector<TimedPose> read_trajectory(const std::string& file);
+
+/// Writes TUM text with a header line; stamps have nine decimals and are exact, coordinates read
+/// back to the bit. `frames` says in the header what the poses are, e.g. "T_W_B, ground truth".
+/// The file appears complete or not at all. Throws InputError if it cannot be written.
+void write_tum(const std::string& file, const std::vector<TimedPose>& poses,
+               const std::string& frames);
+
+}  // namespace vio
