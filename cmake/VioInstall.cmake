@@ -1,0 +1,27 @@
+# Program, libraries, headers, data, and the package file for find_package(vio).
+include(CMakePackageConfigHelpers)
+
+set(vio_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/vio)
+foreach(library vio vio_gui_offscreen)
+  if(TARGET ${library})
+    install(TARGETS ${library} EXPORT vio-targets)
+  endif()
+endforeach()
+install(TARGETS vio-slam)
+install(EXPORT vio-targets NAMESPACE vio:: DESTINATION ${vio_package_dir})
+foreach(room libvio gui_offscreen)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${room}
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/vio-slam FILES_MATCHING PATTERN "*.h")
+endforeach()
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/share/ DESTINATION ${CMAKE_INSTALL_DATADIR}/vio-slam)
+install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/LICENSE
+        DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/vio-config.cmake.in
+  ${PROJECT_BINARY_DIR}/vio-config.cmake INSTALL_DESTINATION ${vio_package_dir})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/vio-config-version.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES
+  ${PROJECT_BINARY_DIR}/vio-config.cmake ${PROJECT_BINARY_DIR}/vio-config-version.cmake
+  ${CMAKE_CURRENT_LIST_DIR}/VioDependencies.cmake ${CMAKE_CURRENT_LIST_DIR}/FindOpenCVModules.cmake
+  DESTINATION ${vio_package_dir})
