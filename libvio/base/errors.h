@@ -9,7 +9,7 @@ namespace vio {
 /// Bad input or configuration. what() is one line that says where, what is wrong and what to do:
 /// "FILE (place): problem; remedy".
 class InputError : public std::runtime_error {
-   public:
+ public:
     using std::runtime_error::runtime_error;
 };
 

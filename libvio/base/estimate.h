@@ -12,7 +12,13 @@ namespace vio {
 
 /// Order of the 15 error components of a StateEstimate: rotation (right perturbation, in B),
 /// position, velocity (both in W), gyro bias, accelerometer bias (both in I).
-enum StateIndex : int { kRotation = 0, kPosition = 3, kVelocity = 6, kGyroBias = 9, kAccelBias = 12 };
+enum StateIndex : int {
+    kRotation = 0,
+    kPosition = 3,
+    kVelocity = 6,
+    kGyroBias = 9,
+    kAccelBias = 12
+};
 
 /// Motion at the time of one image.
 struct StateEstimate {
@@ -22,25 +28,25 @@ struct StateEstimate {
     Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
     Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
     Matrix15d covariance = Matrix15d::Zero();              ///< in StateIndex order
-    bool lost = false;   ///< inside an interval in which the estimator had lost track
-    int features = 0;    ///< observations used at this image
+    bool lost = false;  ///< inside an interval in which the estimator had lost track
+    int features = 0;   ///< observations used at this image
 };
 
 struct LandmarkEstimate {
     FeatureId id = -1;
-    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();              ///< [m]
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();       ///< [m^2]
+    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();         ///< [m]
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< [m^2]
     int observations = 0;
 };
 
 /// Trajectory, structure and parameters in a world frame W whose z axis is up when inertial data
 /// are used; the first pose has zero position and zero yaw.
 struct Estimate {
-    std::vector<StateEstimate> states;        ///< in order of time, one per image
-    std::vector<LandmarkEstimate> landmarks;  ///< in order of id
-    Eigen::Vector3d g_W = Eigen::Vector3d::Zero();               ///< [m/s^2]
+    std::vector<StateEstimate> states;              ///< in order of time, one per image
+    std::vector<LandmarkEstimate> landmarks;        ///< in order of id
+    Eigen::Vector3d g_W = Eigen::Vector3d::Zero();  ///< [m/s^2]
     Eigen::Matrix3d gravity_covariance = Eigen::Matrix3d::Zero();
-    bool has_scale = true;   ///< false for image-only: global scale is arbitrary
+    bool has_scale = true;  ///< false for image-only: global scale is arbitrary
 };
 
 }  // namespace vio

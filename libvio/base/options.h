@@ -15,7 +15,7 @@
 namespace vio {
 
 class OptionSet {
-   public:
+ public:
     struct Range {
         double min = -std::numeric_limits<double>::infinity();
         double max = std::numeric_limits<double>::infinity();
@@ -33,8 +33,8 @@ class OptionSet {
              std::string help);
 
     /// Reads every option that the file names. Throws InputError (one line: file, section, key) for
-    /// a missing file, an unknown key in one of our sections, or a value that does not parse or lies
-    /// outside its range. Sections that are not ours are left alone.
+    /// a missing file, an unknown key in one of our sections, or a value that does not parse or
+    /// lies outside its range. Sections that are not ours are left alone.
     void load(const std::string& ini_file);
 
     /// Sets one option from "section.name=value"; throws InputError as load() does.
@@ -44,7 +44,7 @@ class OptionSet {
     std::string to_ini() const;
     void save(const std::string& ini_file) const;
 
-   private:
+ private:
     struct Option {
         std::string section, name, unit, range, help;
         std::function<void(const std::string& text)> parse;  // throws InputError: the reason only

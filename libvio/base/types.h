@@ -17,7 +17,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
 using Matrix23d = Eigen::Matrix<double, 2, 3>;
 
-inline constexpr double to_seconds(TimeNs duration) { return 1e-9 * static_cast<double>(duration); }
+inline constexpr double to_seconds(TimeNs duration) {
+    return 1e-9 * static_cast<double>(duration);
+}
 inline constexpr TimeNs from_seconds(double seconds) {
     return static_cast<TimeNs>(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5));
 }
@@ -25,14 +27,16 @@ inline constexpr TimeNs from_seconds(double seconds) {
 /// One reading of gyro and accelerometer, in the IMU frame I (measured = true + bias + noise).
 struct ImuReading {
     TimeNs t = 0;
-    Eigen::Vector3d gyro = Eigen::Vector3d::Zero();   ///< angular velocity [rad/s]
-    Eigen::Vector3d accel = Eigen::Vector3d::Zero();  ///< specific force [m/s^2], +g upwards at rest
+    Eigen::Vector3d gyro = Eigen::Vector3d::Zero();  ///< angular velocity [rad/s]
+    Eigen::Vector3d accel =
+        Eigen::Vector3d::Zero();  ///< specific force [m/s^2], +g upwards at rest
 };
 
 /// The place of one feature in one image.
 struct FeatureObservation {
     FeatureId feature_id = -1;
-    Eigen::Vector2d uv_px = Eigen::Vector2d::Zero();  ///< pixel centre of the top-left pixel is (0, 0)
+    Eigen::Vector2d uv_px =
+        Eigen::Vector2d::Zero();  ///< pixel centre of the top-left pixel is (0, 0)
     /// Shape of the measurement covariance [-], to be multiplied by the estimator's sigma_px^2.
     /// Identity (isotropic) unless the tracker knows better (paper, section 4.2).
     Eigen::Matrix2d covariance_shape = Eigen::Matrix2d::Identity();

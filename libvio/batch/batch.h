@@ -16,8 +16,8 @@ namespace vio {
 
 /// A point whose position is known beforehand, in the frame of the survey.
 struct Fiducial {
-    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();              ///< [m]
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();       ///< [m^2]; zero: exactly known
+    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();         ///< [m]
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< [m^2]; zero: exactly known
 };
 
 /// Everything that was observed. An empty IMU sequence makes the estimate image-only.
@@ -30,20 +30,21 @@ struct BatchProblem {
 
 struct BatchOptions {
     double sigma_px = 1.0;
-    std::string weighting = "preintegrated";   ///< preintegrated | fixed
-    double fixed_variance = 1e-5;              ///< of rotation, velocity, position when fixed
-    std::string gravity = "magnitude";         ///< magnitude (fixed norm) | free
-    double gravity_norm = 9.81;                ///< [m/s^2]
-    std::string bias = "random_walk";          ///< random_walk | constant
-    double accel_bias_sigma = 0.5;             ///< prior, Eq. (12) [m/s^2]
-    double gyro_bias_sigma = 0.1;              ///< prior [rad/s]
-    std::string loss = "cauchy";               ///< none | huber | cauchy
-    double loss_width = 2.0;                   ///< in standard deviations
-    std::string start = "staged";              ///< blind | staged (ignored when a start is given)
-    double blind_distance = 3.0;               ///< [m]
+    std::string weighting = "preintegrated";  ///< preintegrated | fixed
+    double fixed_variance = 1e-5;             ///< of rotation, velocity, position when fixed
+    std::string gravity = "magnitude";        ///< magnitude (fixed norm) | free
+    double gravity_norm = 9.81;               ///< [m/s^2]
+    std::string bias = "random_walk";         ///< random_walk | constant
+    double accel_bias_sigma = 0.5;            ///< prior, Eq. (12) [m/s^2]
+    double gyro_bias_sigma = 0.1;             ///< prior [rad/s]
+    std::string loss = "cauchy";              ///< none | huber | cauchy
+    double loss_width = 2.0;                  ///< in standard deviations
+    std::string start = "staged";             ///< blind | staged (ignored when a start is given)
+    int prefix_images = 40;                   ///< that a staged start begins with
+    double blind_distance = 3.0;              ///< [m]
     int max_iterations = 200;
     double cost_tolerance = 1e-8;
-    double outlier_sigmas = 5.0;               ///< observations beyond are dropped after convergence
+    double outlier_sigmas = 5.0;  ///< observations beyond are dropped after convergence
     bool covariances = true;
 
     void describe(OptionSet& options);
@@ -75,9 +76,10 @@ struct BatchResult {
     std::optional<BatchTail> tail;  ///< if asked for
 };
 
-/// Runs the estimator. `start`, if given, holds a state for every frame (by time); its landmarks are
-/// optional. Throws InputError for input that cannot be estimated from (too few images, no common
-/// features, IMU that does not cover the images); a failed minimisation is reported, not thrown.
+/// Runs the estimator. `start`, if given, holds a state for every frame (by time); its landmarks
+/// are optional. Throws InputError for input that cannot be estimated from (too few images, no
+/// common features, IMU that does not cover the images); a failed minimisation is reported, not
+/// thrown.
 BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
                            const std::optional<Estimate>& start = std::nullopt,
                            bool want_tail = false);

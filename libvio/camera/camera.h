@@ -13,14 +13,14 @@ namespace vio {
 /// A half-line in the camera frame C. Its origin differs from zero for cameras without a single
 /// viewpoint (mirrors).
 struct Ray {
-    Eigen::Vector3d origin = Eigen::Vector3d::Zero();           ///< [m]
-    Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();       ///< unit vector
+    Eigen::Vector3d origin = Eigen::Vector3d::Zero();      ///< [m]
+    Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< unit vector
 };
 
 /// Projection model. Camera frame C: z forward, x right, y down. Pixel (0, 0) is the centre of the
 /// top-left pixel. Implementations are immutable and safe to share between threads.
 class Camera {
-   public:
+ public:
     virtual ~Camera() = default;
 
     /// Pixel of the point p_C [m], whether or not it lies inside the image; nothing where the model

@@ -9,9 +9,9 @@ namespace vio {
 
 /// Intrinsics of the perspective model, in OpenCV's and MRPT's parameter order.
 struct PerspectiveParameters {
-    int width = 0, height = 0;                  ///< [px]
-    double fx = 0, fy = 0;                      ///< focal lengths [px]
-    double cx = 0, cy = 0;                      ///< image centre [px]
+    int width = 0, height = 0;  ///< [px]
+    double fx = 0, fy = 0;      ///< focal lengths [px]
+    double cx = 0, cy = 0;      ///< image centre [px]
     /// k1 k2 p1 p2 k3 k4 k5 k6 [-]; zeros where absent.
     std::array<double, 8> distortion{};
 };
@@ -23,7 +23,7 @@ struct PerspectiveParameters {
 /// Points beyond the radius at which the distortion stops being monotonic are not imaged.
 /// Source: Heikkila and Silven (1997); OpenCV's calib3d.
 class PerspectiveCamera final : public Camera {
-   public:
+ public:
     /// Throws InputError if the parameters make no camera (size or focal length not positive).
     explicit PerspectiveCamera(const PerspectiveParameters& parameters);
 
@@ -37,7 +37,7 @@ class PerspectiveCamera final : public Camera {
 
     const PerspectiveParameters& parameters() const { return parameters_; }
 
-   private:
+ private:
     Eigen::Vector2d distort(const Eigen::Vector2d& xy, Eigen::Matrix2d* J) const;
 
     PerspectiveParameters parameters_;

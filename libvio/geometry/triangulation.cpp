@@ -18,8 +18,7 @@ Normal normal_equations(const std::vector<SightLine>& lines, const Eigen::Vector
     for (const SightLine& line : lines) {
         const Eigen::Matrix3d P =
             Eigen::Matrix3d::Identity() - line.direction * line.direction.transpose();
-        const double weight =
-            at ? 1 / std::max(1e-12, (*at - line.origin).squaredNorm()) : 1.0;
+        const double weight = at ? 1 / std::max(1e-12, (*at - line.origin).squaredNorm()) : 1.0;
         n.A += weight * P;
         n.b += weight * (P * line.origin);
     }

@@ -14,7 +14,9 @@ ImuReading interpolated(const ImuReading& a, const ImuReading& b, TimeNs t) {
     return {t, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
 }
 
-bool earlier(const ImuReading& reading, TimeNs t) { return reading.t < t; }
+bool earlier(const ImuReading& reading, TimeNs t) {
+    return reading.t < t;
+}
 
 }  // namespace
 
@@ -39,8 +41,8 @@ void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Ve
         F.block<3, 3>(3, 0) = -R * so3::skew(a2) * (dt * dt);
         F.block<3, 3>(3, 6).diagonal().setConstant(dt);
         F.block<3, 3>(6, 0) = -R * so3::skew(a1) * dt;
-        jacobian->G_gyro << so3::right_jacobian(phi) * dt,
-            R * (dA / 6 + dSA / 24) * (dt * dt * dt), R * (dA / 2 + dSA / 6) * (dt * dt);
+        jacobian->G_gyro << so3::right_jacobian(phi) * dt, R * (dA / 6 + dSA / 24) * (dt * dt * dt),
+            R * (dA / 2 + dSA / 6) * (dt * dt);
         const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
         jacobian->G_accel << Eigen::Matrix3d::Zero(), R * (I / 2 + S / 6 + S2 / 24) * (dt * dt),
             R * (I + S / 2 + S2 / 6) * dt;
@@ -91,8 +93,8 @@ std::optional<std::vector<ImuSegment>> ImuSequence::segments(TimeNs begin, TimeN
                                  [](TimeNs t, const ImuReading& r) { return t < r.t; });
     while (from.t < end) {
         const ImuReading to = next->t <= end ? *next : interpolated(*(next - 1), *next, end);
-        result.push_back({to_seconds(to.t - from.t), (from.gyro + to.gyro) / 2,
-                          (from.accel + to.accel) / 2});
+        result.push_back(
+            {to_seconds(to.t - from.t), (from.gyro + to.gyro) / 2, (from.accel + to.accel) / 2});
         from = to;
         ++next;
     }

@@ -51,7 +51,7 @@ void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Ve
 
 /// Readings in order of time, from which segments between any two times are cut.
 class ImuSequence {
-   public:
+ public:
     ImuSequence() = default;
     /// Readings must be strictly increasing in time; throws InputError otherwise.
     explicit ImuSequence(std::vector<ImuReading> readings);
@@ -75,7 +75,7 @@ class ImuSequence {
     /// Longest time between consecutive readings that overlaps [begin, end] [s].
     double largest_gap(TimeNs begin, TimeNs end) const;
 
-   private:
+ private:
     std::vector<ImuReading> readings_;
 };
 

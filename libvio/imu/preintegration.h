@@ -25,13 +25,15 @@ using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix96d = Eigen::Matrix<double, 9, 6>;
 
 class PreintegratedImu {
-   public:
+ public:
     /// Integrates the segments with the given biases. Covariance comes from the noise densities.
     PreintegratedImu(const std::vector<ImuSegment>& segments, const ImuBias& bias,
                      const ImuNoise& noise);
 
-    double duration() const { return duration_; }       ///< T [s]
-    const Matrix9d& covariance() const { return covariance_; }  ///< of (rotation, position, velocity)
+    double duration() const { return duration_; }  ///< T [s]
+    const Matrix9d& covariance() const {
+        return covariance_;
+    }  ///< of (rotation, position, velocity)
     const InertialState& delta() const { return delta_; }
 
     /// State at the end of the interval from that at its beginning.
@@ -51,7 +53,7 @@ class PreintegratedImu {
     Vector9d residual(const InertialState& i, const InertialState& j, const ImuBias& bias,
                       const Eigen::Vector3d& g_W, Jacobian* J = nullptr) const;
 
-   private:
+ private:
     InertialState corrected(const ImuBias& bias) const;
 
     double duration_ = 0;

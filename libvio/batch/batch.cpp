@@ -1,0 +1,217 @@
+#include "libvio/batch/batch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "libvio/batch/marginals.h"
+#include "libvio/batch/minimize.h"
+#include "libvio/batch/start.h"
+
+namespace vio {
+
+using namespace batch;
+
+void BatchOptions::describe(OptionSet& o) {
+    o.section("batch");
+    o.add("sigma_px", &sigma_px, "px", {1e-3, 100}, "standard deviation of a feature's position");
+    o.add("weighting", &weighting, {"preintegrated", "fixed"},
+          "covariance of the inertial terms: from the noise densities, or fixed (the paper)");
+    o.add("fixed_variance", &fixed_variance, "rad^2, m^2, (m/s)^2", {1e-12, 1},
+          "variance of rotation, position and velocity when weighting is fixed");
+    o.add("gravity", &gravity, {"magnitude", "free"}, "gravity has a known norm, or is free");
+    o.add("gravity_norm", &gravity_norm, "m/s^2", {0, 100}, "norm of gravity");
+    o.add("bias", &bias, {"random_walk", "constant"}, "biases drift, or are constant (the paper)");
+    o.add("accel_bias_sigma", &accel_bias_sigma, "m/s^2", {1e-6, 100},
+          "standard deviation of the accelerometer bias, Eq. (12)");
+    o.add("gyro_bias_sigma", &gyro_bias_sigma, "rad/s", {1e-6, 10},
+          "standard deviation of the gyro bias");
+    o.add("loss", &loss, {"none", "huber", "cauchy"}, "robust loss of the image terms");
+    o.add("loss_width", &loss_width, "standard deviations", {0.1, 100}, "width of the robust loss");
+    o.add("start", &start, {"blind", "staged"},
+          "all images at once from nothing (section 4.6), or grown from a prefix");
+    o.add("blind_distance", &blind_distance, "m", {1e-3, 1e4},
+          "distance to which a blind start backprojects points");
+    o.add("prefix_images", &prefix_images, "", {2, 1000}, "images that a staged start begins with");
+    o.add("max_iterations", &max_iterations, "", {1, 10000}, "iterations of one minimisation");
+    o.add("cost_tolerance", &cost_tolerance, "", {0, 1}, "relative decrease that ends it");
+    o.add("outlier_sigmas", &outlier_sigmas, "standard deviations", {0, 1e6},
+          "observations further off than this are dropped after convergence; 0: none");
+    o.add("covariances", &covariances, "compute covariances of states and landmarks");
+}
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// A model of the first images, its state, and what happened to it.
+struct Course {
+    const BatchProblem& problem;
+    const BatchOptions& options;
+    Model model;
+    State state;
+    MinimizeReport last;
+    int iterations = 0;
+};
+
+void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
+    NormalEquations equations(course.model, make_layout(course.model, course.options));
+    Objective objective(course.model, course.options, stage);
+    const MinimizeReport report = minimize(objective, equations, limits, course.state);
+    course.iterations += report.iterations;
+    const Cost initial =
+        course.iterations == report.iterations ? report.initial : course.last.initial;
+    course.last = report;
+    course.last.initial = initial;
+}
+
+bool gravity_known(const Course& course) {
+    return course.state.gravity.norm() > 0.5 * course.options.gravity_norm;
+}
+
+// Puts gravity's norm where it belongs; the minimisation that follows settles the rest.
+void fix_gravity_norm(Course& course) {
+    if (course.model.inertial && course.options.gravity == "magnitude" &&
+        course.state.gravity.norm() > 0)
+        course.state.gravity *= course.options.gravity_norm / course.state.gravity.norm();
+}
+
+// From nothing: first with gravity free (it starts at zero), quadratic far from the solution.
+void start_blind(Course& course, int images) {
+    course.model = make_model(course.problem, course.options, images, 2);
+    course.state = blind_start(course.model, course.options);
+    minimize_stage(course, {true, "huber"},
+                   {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance)});
+    fix_gravity_norm(course);
+}
+
+// Grows the estimate from a prefix to all images, by a quarter at a time.
+void start_staged(Course& course) {
+    const int all = static_cast<int>(course.problem.frames.size());
+    int images = std::min(all, course.options.prefix_images);
+    start_blind(course, images);
+    constexpr int kIterationsPerStage = 8;
+    const bool free = course.options.gravity == "free";
+    while (images < all) {
+        minimize_stage(course, {free, course.options.loss}, {kIterationsPerStage, 1e-4});
+        images = std::min(all, std::max(images + 10, images * 5 / 4));
+        Model longer = make_model(course.problem, course.options, images);
+        course.state = continued_start(longer, course.model, course.state);
+        course.model = std::move(longer);
+    }
+}
+
+// Marks observations that do not fit; true if there are any new ones.
+bool drop_outliers(Course& course) {
+    const double limit2 = course.options.outlier_sigmas * course.options.outlier_sigmas;
+    if (limit2 == 0) return false;
+    const Objective objective(course.model, course.options, {});
+    bool any = false;
+    for (Observation& observation : course.model.observations)
+        if (observation.active &&
+            objective.observation_distance2(course.state, observation) > limit2) {
+            observation.active = false;
+            any = true;
+        }
+    // What is left of a point must still fix it.
+    for (const Point& point : course.model.points) {
+        Observation* first = &course.model.observations[point.first_observation];
+        const auto active = std::count_if(first, first + point.observation_count,
+                                          [](const Observation& o) { return o.active; });
+        if (active < 2 && !point.fiducial)
+            for (int k = 0; k < point.observation_count; ++k) first[k].active = false;
+    }
+    return any;
+}
+
+void minimize_all(Course& course) {
+    const Stage stage{course.options.gravity == "free", course.options.loss};
+    const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
+    minimize_stage(course, stage, limits);
+    if (drop_outliers(course)) minimize_stage(course, stage, limits);
+}
+
+// Image-only motion has no scale: the largest distance from the first image is held.
+void hold_scale(const Model& model, const State& state, NormalEquations& equations) {
+    int farthest = 0;
+    const auto distance = [&](int i) {
+        return (state.frames[i].motion.p - state.frames[0].motion.p).norm();
+    };
+    for (int i = 1; i < model.frames(); ++i)
+        if (distance(i) > distance(farthest)) farthest = i;
+    if (distance(farthest) == 0) return;
+    const Eigen::Vector3d direction =
+        (state.frames[farthest].motion.p - state.frames[0].motion.p).normalized();
+    const double sigma = 1e-6 * distance(farthest);
+    const int block = equations.layout().pose_block(farthest);
+    equations.matrix.block(block, block).bottomRightCorner<3, 3>() +=
+        direction * direction.transpose() / (sigma * sigma);
+}
+
+BatchReport make_report(const Course& course, Clock::time_point began) {
+    BatchReport report;
+    report.converged = course.last.converged;
+    report.reason = course.last.reason;
+    report.iterations = course.iterations;
+    report.initial_cost = course.last.initial.total();
+    report.final_cost = course.last.final.total();
+    report.image_cost = course.last.final.image;
+    report.inertial_cost = course.last.final.inertial;
+    report.prior_cost = course.last.final.prior;
+    for (const Observation& observation : course.model.observations)
+        ++(observation.active ? report.observations : report.outliers);
+    report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+    return report;
+}
+
+}  // namespace
+
+BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
+                           const std::optional<Estimate>& start, bool want_tail) {
+    const auto began = Clock::now();
+    const int images = static_cast<int>(problem.frames.size());
+    Course course{problem, options, {}, {}, {}, 0};
+
+    // 1. A first estimate of everything.
+    if (start) {
+        course.model = make_model(problem, options, images);
+        course.state = given_start(course.model, *start);
+        fix_gravity_norm(course);
+    } else if (options.start == "blind") {
+        start_blind(course, images);
+    } else {
+        start_staged(course);
+    }
+    BatchResult result;
+    if (course.model.inertial && !gravity_known(course)) {
+        result.report = make_report(course, began);
+        result.report.converged = false;
+        result.report.reason = "gravity was not found from the start that was tried";
+        return result;
+    }
+
+    // 2. The minimum over everything, without outliers.
+    minimize_all(course);
+
+    // 3. What is published: frames, covariances.
+    const Stage stage{options.gravity == "free", options.loss};
+    Objective objective(course.model, options, stage);
+    NormalEquations equations(course.model, make_layout(course.model, options));
+    objective.linearize(course.state, equations);
+    if (!course.model.inertial && !course.model.surveyed())
+        hold_scale(course.model, course.state, equations);
+    bool singular = false;
+    result.estimate = publish(course.model, objective, course.state,
+                              options.covariances ? &equations : nullptr, singular);
+    if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
+    result.report = make_report(course, began);
+    if (singular) {
+        result.report.converged = false;
+        result.report.reason =
+            "the information matrix is singular: the motion or the points leave "
+            "some unknowns undetermined";
+    }
+    return result;
+}
+
+}  // namespace vio

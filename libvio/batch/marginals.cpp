@@ -1,0 +1,317 @@
+#include "libvio/batch/marginals.h"
+
+#include <cmath>
+#include <map>
+
+#include "libvio/geometry/so3.h"
+
+namespace vio::batch {
+namespace {
+
+// The solver's world frame W (first pose) seen from the published one W' (z up, first body pose at
+// the origin without yaw): p_W' = R p_W + p. Its tilt depends on the estimated gravity.
+struct Gauge {
+    Pose T_Wp_W;
+    bool depends_on_gravity = false;
+    Eigen::Matrix3d tilt_by_gravity = Eigen::Matrix3d::Zero();  // d(tilt, in W') / d g_W
+};
+
+Pose body_pose(const Model& model, const State& state, int frame) {
+    const InertialState& I = state.frames[frame].motion;
+    return Pose{I.R, I.p} * model.T_I_B;
+}
+
+Gauge make_gauge(const Model& model, const State& state) {
+    Gauge gauge;
+    if (model.surveyed()) return gauge;  // W is the survey's
+    const Pose first = body_pose(model, state, 0);
+    Eigen::Matrix3d R = first.R.transpose();
+    if (model.inertial) {
+        const Eigen::Vector3d down(0, 0, -1);
+        const Eigen::Matrix3d upright = so3::rotation_between(state.gravity, down);
+        const Eigen::Matrix3d R0 = upright * first.R;
+        R = so3::exp({0, 0, -std::atan2(R0(1, 0), R0(0, 0))}) * upright;
+        gauge.depends_on_gravity = true;
+        // Gravity moved by d must again point down: the tilt is z x (R d) / |g|.
+        gauge.tilt_by_gravity = so3::skew(Eigen::Vector3d::UnitZ()) * R / state.gravity.norm();
+    }
+    gauge.T_Wp_W = {R, -(R * first.p)};
+    return gauge;
+}
+
+// Nominal body state, and d(its 15 errors) / d(the solver's 15 errors of the frame, gravity 3).
+struct BodyState {
+    StateEstimate estimate;
+    Eigen::Matrix<double, 15, 18> J;
+};
+
+BodyState body_state(const Model& model, const State& state, const Gauge& gauge, int i) {
+    const State::Frame& frame = state.frames[i];
+    const Eigen::Matrix3d& A = gauge.T_Wp_W.R;
+    BodyState body;
+    StateEstimate& e = body.estimate;
+    e.t = model.times[i];
+    e.T_W_B = gauge.T_Wp_W * body_pose(model, state, i);
+    e.gyro_bias = frame.bias.gyro;
+    e.accel_bias = frame.bias.accel;
+    // Velocity of the body's origin: the IMU's plus rotation about it.
+    Eigen::Vector3d swing = Eigen::Vector3d::Zero();
+    if (model.inertial) swing = (model.gyro_at_image[i] - frame.bias.gyro).cross(model.T_I_B.p);
+    e.v_W = A * (frame.motion.v + frame.motion.R * swing);
+
+    const Eigen::Matrix3d R_B_I = model.T_I_B.R.transpose();
+    const Eigen::Matrix3d AR = A * frame.motion.R;
+    auto& J = body.J;
+    J.setZero();
+    J.block<3, 3>(kRotation, kRotation) = R_B_I;
+    J.block<3, 3>(kPosition, kRotation) = -AR * so3::skew(model.T_I_B.p);
+    J.block<3, 3>(kPosition, kPosition) = A;
+    J.block<3, 3>(kVelocity, kRotation) = -AR * so3::skew(swing);
+    J.block<3, 3>(kVelocity, kVelocity) = A;
+    J.block<3, 3>(kVelocity, kGyroBias) = AR * so3::skew(model.T_I_B.p);
+    J.bottomRightCorner<9, 9>().leftCols<6>().bottomRows<6>().setIdentity();
+    if (gauge.depends_on_gravity) {
+        const Eigen::Matrix3d& tilt = gauge.tilt_by_gravity;
+        J.block<3, 3>(kRotation, 15) = e.T_W_B.R.transpose() * tilt;
+        J.block<3, 3>(kPosition, 15) = -so3::skew(e.T_W_B.p) * tilt;
+        J.block<3, 3>(kVelocity, 15) = -so3::skew(e.v_W) * tilt;
+    }
+    return body;
+}
+
+// Columns that pick the frame's 15 errors and gravity's 3 out of the reduced unknowns.
+Eigen::MatrixXd selector(const Model& model, const Objective& objective, const State& state,
+                         const Layout& layout, int size, int frame) {
+    Eigen::MatrixXd E = Eigen::MatrixXd::Zero(size, 18);
+    for (int c = 0; c < 15; ++c) {
+        const bool held = frame == 0 && c < 6 && !model.surveyed();
+        if (const int k = layout.index(frame, c); k >= 0 && !held) E(k, c) = 1;
+    }
+    if (layout.inertial)
+        E.block<3, 3>(layout.gravity_index(), 15) =
+            objective.gravity_jacobian(state.gravity).transpose();
+    return E;
+}
+
+std::vector<int> observations_per_frame(const Model& model) {
+    std::vector<int> counts(model.frames(), 0);
+    for (const Observation& o : model.observations) counts[o.frame_idx] += o.active;
+    return counts;
+}
+
+int active_observations(const Model& model, const Point& point) {
+    int n = 0;
+    for (int k = 0; k < point.observation_count; ++k)
+        n += model.observations[point.first_observation + k].active;
+    return n;
+}
+
+// Marginals of everything, from the entries of the inverse at the factor's places.
+class Marginals {
+ public:
+    Marginals(const Model& model, const Objective& objective, const State& state,
+              const NormalEquations& equations)
+        : model_(model),
+          equations_(equations),
+          layout_(equations.layout()),
+          inverse_(equations.factor().sparse_inverse()) {
+        gravity_jacobian_ = objective.gravity_jacobian(state.gravity);
+        if (!layout_.inertial) return;
+        // Cross-covariances with the global block reach every frame: columns by solving.
+        const int global = layout_.gravity_index(), dim = layout_.global_dim();
+        Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations.matrix.size(), dim);
+        E.middleRows(global, dim).setIdentity();
+        with_global_ = equations.factor().solve(E);
+    }
+
+    Eigen::Matrix<double, 18, 18> frame_and_gravity(int frame) const {
+        Eigen::Matrix<double, 18, 18> S = Eigen::Matrix<double, 18, 18>::Zero();
+        for (int r = 0; r < 15; ++r)
+            for (int c = 0; c <= r; ++c) S(r, c) = S(c, r) = entry(frame, r, c);
+        if (layout_.inertial) {
+            Eigen::Matrix<double, 3, 18> cross = Eigen::Matrix<double, 3, 18>::Zero();
+            for (int c = 0; c < 15; ++c)
+                if (known(frame, c))
+                    cross.col(c) = gravity_jacobian_ *
+                                   with_global_.row(layout_.index(frame, c)).head<3>().transpose();
+            S.bottomRows<3>() = cross;
+            S.rightCols<3>() = cross.transpose();
+            S.bottomRightCorner<3, 3>() = gravity();
+        }
+        return S;
+    }
+
+    Eigen::Matrix3d gravity() const {
+        return gravity_jacobian_ * with_global_.block<3, 3>(layout_.gravity_index(), 0) *
+               gravity_jacobian_.transpose();
+    }
+
+    // Covariance of the point, and its cross-covariance with gravity (3 x 3).
+    std::pair<Eigen::Matrix3d, Eigen::Matrix3d> point(int j) const {
+        const int slot = layout_.border_of_point[j];
+        Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
+        if (slot >= 0) {
+            const int k = equations_.matrix.offset(layout_.border_block(slot));
+            if (layout_.inertial)
+                cross = with_global_.block<3, 3>(k, 0) * gravity_jacobian_.transpose();
+            return {inverse_.block(k, 3, k, 3), cross};
+        }
+        // X = -V^-1 W^T x + noise of V^-1: sum over the pairs of images that see it.
+        const Point& p = model_.points[j];
+        Eigen::Matrix3d S = equations_.point_inverse(j);
+        std::vector<Matrix63d> T;
+        std::vector<int> frames;
+        for (int k = p.first_observation; k < p.first_observation + p.observation_count; ++k) {
+            if (!model_.observations[k].active || equations_.W[k].isZero(0)) continue;
+            T.push_back(equations_.W[k] * equations_.point_inverse(j));
+            frames.push_back(model_.observations[k].frame_idx);
+        }
+        for (size_t a = 0; a < T.size(); ++a) {
+            const int row = layout_.index(frames[a], 0);
+            for (size_t c = 0; c <= a; ++c) {
+                const Eigen::Matrix3d part =
+                    T[a].transpose() * pose_pair(row, layout_.index(frames[c], 0)) * T[c];
+                S += part;
+                if (c != a) S += part.transpose();
+            }
+            if (layout_.inertial)
+                cross -= T[a].transpose() * with_global_.block<6, 3>(row, 0) *
+                         gravity_jacobian_.transpose();
+        }
+        return {S, cross};
+    }
+
+ private:
+    bool known(int frame, int component) const {
+        const bool held = frame == 0 && component < 6 && !model_.surveyed();
+        return !held && layout_.index(frame, component) >= 0;
+    }
+    double entry(int frame, int r, int c) const {
+        if (!known(frame, r) || !known(frame, c)) return 0;
+        return inverse_.block(layout_.index(frame, r), 1, layout_.index(frame, c), 1)(0, 0);
+    }
+    const Eigen::MatrixXd& pose_pair(int row, int col) const {
+        auto& cached = pairs_[{row, col}];
+        if (cached.size() == 0) cached = inverse_.block(row, 6, col, 6);
+        return cached;
+    }
+
+    const Model& model_;
+    const NormalEquations& equations_;
+    const Layout& layout_;
+    BlockCholesky::SparseInverse inverse_;
+    Eigen::Matrix3d gravity_jacobian_;
+    Eigen::MatrixXd with_global_;
+    mutable std::map<std::pair<int, int>, Eigen::MatrixXd> pairs_;
+};
+
+// d(point in W') / d(gravity) given the point in W'.
+Eigen::Matrix3d point_by_gravity(const Gauge& gauge, const Eigen::Vector3d& p_Wp) {
+    return -so3::skew(p_Wp) * gauge.tilt_by_gravity;
+}
+
+}  // namespace
+
+Estimate publish(const Model& model, const Objective& objective, const State& state,
+                 NormalEquations* equations, bool& singular) {
+    const Gauge gauge = make_gauge(model, state);
+    const Eigen::Matrix3d& A = gauge.T_Wp_W.R;
+    Estimate estimate;
+    estimate.has_scale = model.inertial || model.surveyed();
+    estimate.g_W = A * state.gravity;
+    const std::vector<int> features = observations_per_frame(model);
+
+    singular = equations && !equations->factorize();
+    std::optional<Marginals> marginals;
+    if (equations && !singular) marginals.emplace(model, objective, state, *equations);
+
+    for (int i = 0; i < model.frames(); ++i) {
+        BodyState body = body_state(model, state, gauge, i);
+        if (marginals)
+            body.estimate.covariance =
+                body.J * marginals->frame_and_gravity(i) * body.J.transpose();
+        body.estimate.features = features[i];
+        estimate.states.push_back(body.estimate);
+    }
+    if (marginals && model.inertial)
+        estimate.gravity_covariance = A * marginals->gravity() * A.transpose();
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        LandmarkEstimate landmark;
+        landmark.id = model.points[j].id;
+        landmark.p_W = gauge.T_Wp_W * state.points[j];
+        landmark.observations = active_observations(model, model.points[j]);
+        if (landmark.observations < 2) continue;
+        if (marginals) {
+            const auto [S, cross] = marginals->point(static_cast<int>(j));
+            const Eigen::Matrix3d J = point_by_gravity(gauge, landmark.p_W);
+            landmark.covariance = A * S * A.transpose();
+            if (model.inertial) {
+                const Eigen::Matrix3d mixed = A * cross * J.transpose();
+                landmark.covariance +=
+                    mixed + mixed.transpose() + J * marginals->gravity() * J.transpose();
+            }
+        }
+        estimate.landmarks.push_back(landmark);
+    }
+    return estimate;
+}
+
+std::optional<BatchTail> publish_tail(const Model& model, const Objective& objective,
+                                      const State& state, NormalEquations& equations) {
+    if (!equations.factorize()) return std::nullopt;
+    const Layout& layout = equations.layout();
+    const Gauge gauge = make_gauge(model, state);
+    const int size = equations.matrix.size(), last = model.frames() - 1;
+    std::vector<int> points;
+    for (const Observation& o : model.observations)
+        if (o.active && o.frame_idx == last &&
+            active_observations(model, model.points[o.point_idx]) >= 3)
+            points.push_back(o.point_idx);
+
+    // Joint error = E^T x (+ own noise of eliminated points); covariance E^T A^-1 E + ....
+    const int n = static_cast<int>(points.size());
+    Eigen::MatrixXd E = Eigen::MatrixXd::Zero(size, 18 + 3 * n);
+    E.leftCols(18) = selector(model, objective, state, layout, size, last);
+    for (int a = 0; a < n; ++a) {
+        const int j = points[a], slot = layout.border_of_point[j];
+        if (slot >= 0) {
+            E.block<3, 3>(equations.matrix.offset(layout.border_block(slot)), 18 + 3 * a)
+                .setIdentity();
+            continue;
+        }
+        const Point& p = model.points[j];
+        for (int k = p.first_observation; k < p.first_observation + p.observation_count; ++k)
+            if (model.observations[k].active)
+                E.block<6, 3>(layout.index(model.observations[k].frame_idx, 0), 18 + 3 * a) -=
+                    equations.W[k] * equations.point_inverse(j);
+    }
+    Eigen::MatrixXd joint = E.transpose() * equations.factor().solve(E);
+    for (int a = 0; a < n; ++a)
+        if (layout.border_of_point[points[a]] < 0)
+            joint.block<3, 3>(18 + 3 * a, 18 + 3 * a) += equations.point_inverse(points[a]);
+
+    const BodyState body = body_state(model, state, gauge, last);
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(15 + 3 * n, 18 + 3 * n);
+    J.topLeftCorner<15, 18>() = body.J;
+    BatchTail tail;
+    tail.state = body.estimate;
+    tail.g_W = gauge.T_Wp_W.R * state.gravity;
+    for (int a = 0; a < n; ++a) {
+        LandmarkEstimate landmark;
+        landmark.id = model.points[points[a]].id;
+        landmark.p_W = gauge.T_Wp_W * state.points[points[a]];
+        landmark.observations = active_observations(model, model.points[points[a]]);
+        J.block<3, 3>(15 + 3 * a, 18 + 3 * a) = gauge.T_Wp_W.R;
+        if (gauge.depends_on_gravity)
+            J.block<3, 3>(15 + 3 * a, 15) = point_by_gravity(gauge, landmark.p_W);
+        tail.landmarks.push_back(landmark);
+    }
+    tail.covariance = J * joint * J.transpose();
+    tail.covariance = (0.5 * (tail.covariance + tail.covariance.transpose())).eval();
+    tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
+    for (int a = 0; a < n; ++a)
+        tail.landmarks[a].covariance = tail.covariance.block<3, 3>(15 + 3 * a, 15 + 3 * a);
+    return tail;
+}
+
+}  // namespace vio::batch

@@ -1,0 +1,20 @@
+// From the solver's unknowns to the estimate: world frame with z up, body states, covariances.
+#pragma once
+
+#include "libvio/batch/normal_equations.h"
+#include "libvio/batch/objective.h"
+
+namespace vio::batch {
+
+/// Estimate in the published frames. With covariances: `equations` must hold the linearisation at
+/// `state`; they are those of the inverse information, the first pose and (with inertial data) the
+/// heading about the vertical being the gauge, i.e. known exactly.
+/// `singular` is set where the information matrix has no inverse (covariances are then zero).
+Estimate publish(const Model& model, const Objective& objective, const State& state,
+                 NormalEquations* equations, bool& singular);
+
+/// Last state and the points that its image sees, with joint covariance.
+std::optional<BatchTail> publish_tail(const Model& model, const Objective& objective,
+                                      const State& state, NormalEquations& equations);
+
+}  // namespace vio::batch

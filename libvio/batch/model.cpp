@@ -1,0 +1,120 @@
+#include "libvio/batch/model.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+
+namespace vio::batch {
+namespace {
+
+std::string at_time(TimeNs t) {
+    return "(t = " + std::to_string(t) + " ns)";
+}
+
+void index_inertial(Model& model, const BatchProblem& problem) {
+    const TimeNs offset = from_seconds(problem.rig.time_offset);
+    for (int i = 0; i < model.frames(); ++i) {
+        const TimeNs t = model.times[i] + offset;
+        const auto reading = problem.imu.interpolate(t);
+        if (!reading)
+            throw InputError("image " + at_time(model.times[i]) +
+                             ": no IMU readings at its time; cut the images to the IMU's span");
+        model.gyro_at_image.push_back(reading->gyro);
+        if (i > 0) model.segments.push_back(*problem.imu.segments(model.times[i - 1] + offset, t));
+    }
+}
+
+}  // namespace
+
+bool Model::surveyed() const {
+    return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.fiducial; });
+}
+
+Model make_model(const BatchProblem& problem, const BatchOptions& options, int frame_count,
+                 int min_observations) {
+    if (!problem.rig.camera) throw InputError("batch estimator: no camera calibration; give one");
+    if (frame_count < 2)
+        throw InputError("batch estimator: " + std::to_string(frame_count) +
+                         " image(s) with features; at least 2 are needed");
+    Model model;
+    model.camera = problem.rig.camera;
+    model.inertial = !problem.imu.empty();
+    // Image-only estimates the body itself: there is no IMU to stand for it.
+    model.T_I_B = model.inertial ? problem.rig.T_B_I.inverse() : Pose{};
+    model.T_I_C = model.T_I_B * problem.rig.T_B_C;
+    model.noise = problem.rig.imu_noise;
+
+    struct Seen {
+        int frame_idx;
+        const FeatureObservation* observation;
+    };
+    std::map<FeatureId, std::vector<Seen>> seen;
+    for (int i = 0; i < frame_count; ++i) {
+        const FeatureFrame& frame = problem.frames[i];
+        if (i > 0 && frame.t <= problem.frames[i - 1].t)
+            throw InputError("image " + at_time(frame.t) + ": time does not increase");
+        model.times.push_back(frame.t);
+        for (const FeatureObservation& f : frame.features) seen[f.feature_id].push_back({i, &f});
+    }
+    if (model.inertial) index_inertial(model, problem);
+
+    for (const auto& [id, sightings] : seen) {
+        const auto fiducial = problem.fiducials.find(id);
+        const bool surveyed = fiducial != problem.fiducials.end();
+        if (!surveyed && static_cast<int>(sightings.size()) < min_observations) continue;
+        Point point{id, static_cast<int>(model.observations.size()),
+                    static_cast<int>(sightings.size()), surveyed ? &fiducial->second : nullptr};
+        for (const Seen& s : sightings) {
+            const Eigen::Matrix2d covariance =
+                options.sigma_px * options.sigma_px * s.observation->covariance_shape;
+            const Eigen::Matrix2d L = covariance.llt().matrixL();
+            model.observations.push_back({s.frame_idx, static_cast<int>(model.points.size()),
+                                          s.observation->uv_px, L.inverse(), true});
+        }
+        model.points.push_back(point);
+    }
+    if (model.points.empty())
+        throw InputError("batch estimator: no feature is seen in " +
+                         std::to_string(min_observations) +
+                         " images; check tracking or the feature ids");
+    return model;
+}
+
+std::vector<int> Layout::block_dims() const {
+    std::vector<int> dims;
+    for (int i = 0; i < frames; ++i) {
+        dims.push_back(6);
+        if (inertial) dims.push_back(motion_dim());
+    }
+    dims.insert(dims.end(), border_points, 3);
+    if (inertial) dims.push_back(global_dim());
+    return dims;
+}
+
+int Layout::index(int frame, int component) const {
+    if (component < 6) return frame * frame_dim() + component;
+    if (!inertial) return -1;
+    if (component < 9 || bias_per_frame) return frame * frame_dim() + component;
+    return global_index() + 3 + (component - 9);
+}
+
+int Layout::gravity_index() const {
+    return inertial ? global_index() : -1;
+}
+
+Layout make_layout(const Model& model, const BatchOptions& options) {
+    Layout layout;
+    layout.inertial = model.inertial;
+    layout.bias_per_frame = options.bias == "random_walk";
+    layout.frames = model.frames();
+    // Eliminating a point couples all pairs of images that see it. A column in the border costs
+    // about one pass over all frames, three columns a point: long tracks belong there.
+    constexpr int kLongTrack = 80;
+    for (const Point& point : model.points)
+        layout.border_of_point.push_back(
+            point.observation_count > kLongTrack ? layout.border_points++ : -1);
+    return layout;
+}
+
+}  // namespace vio::batch

@@ -1,0 +1,73 @@
+// The error function, Eq. (1): E = E_image + E_inertial + E_prior, its value and derivatives.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "libvio/batch/model.h"
+#include "libvio/batch/normal_equations.h"
+
+namespace vio::batch {
+
+/// Value by term; every term is a sum of squared Mahalanobis distances (after the robust loss).
+struct Cost {
+    double image = 0, inertial = 0, prior = 0;
+    double total() const { return image + inertial + prior; }
+};
+
+/// What of the options may change from one stage of the minimisation to the next.
+struct Stage {
+    bool gravity_free = false;  ///< estimate its norm too
+    std::string loss = "none";
+};
+
+class Objective {
+ public:
+    Objective(const Model& model, const BatchOptions& options, const Stage& stage);
+
+    /// Cost at a state. Readings are integrated at the biases of the last linearisation and
+    /// corrected to first order.
+    Cost evaluate(const State& state) const;
+
+    /// Integrates the readings at the state's biases, fills the normal equations (IRLS weights for
+    /// robust losses), returns the cost.
+    Cost linearize(const State& state, NormalEquations& equations);
+
+    /// state [+] step.
+    State apply(const State& state, const Step& step, const Layout& layout) const;
+
+    /// Derivative of g_W wrt its unknowns: two rotations about axes across it when its norm is
+    /// fixed (third column zero), the identity when it is free.
+    Eigen::Matrix3d gravity_jacobian(const Eigen::Vector3d& gravity) const;
+
+    /// Residual of one observation in pixels, nothing where the point cannot be seen.
+    std::optional<Eigen::Vector2d> image_residual(const State& state,
+                                                  const Observation& observation) const;
+
+    /// Whitened squared distance of one observation; the cap where it cannot be seen.
+    double observation_distance2(const State& state, const Observation& observation) const;
+
+ private:
+    struct Interval {
+        PreintegratedImu readings;
+        Matrix9d sqrt_information;
+    };
+    Interval make_interval(int i, const ImuBias& bias) const;
+    double robust(double distance2) const;
+    double robust_weight(double distance2) const;
+    double linearize_image(const State& state, NormalEquations& equations) const;
+    double linearize_inertial(const State& state, NormalEquations& equations) const;
+    double linearize_bias(const State& state, NormalEquations& equations) const;
+    double linearize_priors(const State& state, NormalEquations& equations) const;
+    double prior_weight() const;
+    Vector6d bias_walk_information(int i) const;
+    Eigen::Matrix3d fiducial_information(const Fiducial& fiducial) const;
+
+    const Model& model_;
+    BatchOptions options_;
+    Stage stage_;
+    std::vector<Interval> intervals_;
+    double unseen_distance2_;  ///< what an unseen observation costs
+};
+
+}  // namespace vio::batch

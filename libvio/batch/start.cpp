@@ -1,0 +1,159 @@
+#include "libvio/batch/start.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+
+#include "libvio/geometry/triangulation.h"
+
+namespace vio::batch {
+namespace {
+
+constexpr double kSmallestParallax = 0.01;  // [rad]: below it the range is mostly noise
+
+Pose camera_pose(const Model& model, const State& state, int frame) {
+    const InertialState& I = state.frames[frame].motion;
+    return Pose{I.R, I.p} * model.T_I_C;
+}
+
+// Point at a distance along the sight line of its first observation that has one.
+Eigen::Vector3d backprojected(const Model& model, const State& state, const Point& point,
+                              double distance) {
+    for (int k = 0; k < point.observation_count; ++k) {
+        const Observation& observation = model.observations[point.first_observation + k];
+        const auto ray = model.camera->ray(observation.uv_px);
+        if (!ray) continue;
+        return camera_pose(model, state, observation.frame_idx) *
+               (ray->origin + distance * ray->direction);
+    }
+    return camera_pose(model, state, 0) * Eigen::Vector3d(0, 0, distance);
+}
+
+double median_range(const Model& model, const State& state, const std::vector<bool>& placed,
+                    double fallback) {
+    std::vector<double> ranges;
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (placed[j])
+            ranges.push_back(
+                (state.points[j] -
+                 camera_pose(model, state,
+                             model.observations[model.points[j].first_observation].frame_idx)
+                     .p)
+                    .norm());
+    if (ranges.empty()) return fallback;
+    const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+    std::nth_element(ranges.begin(), middle, ranges.end());
+    return *middle;
+}
+
+}  // namespace
+
+State blind_start(const Model& model, const BatchOptions& options) {
+    State state;
+    state.frames.resize(model.frames());
+    state.points.resize(model.points.size());
+    for (size_t j = 0; j < model.points.size(); ++j)
+        state.points[j] = backprojected(model, state, model.points[j], options.blind_distance);
+    return state;
+}
+
+std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State& state,
+                                                 const Point& point) {
+    std::vector<SightLine> lines;
+    for (int k = 0; k < point.observation_count; ++k) {
+        const Observation& observation = model.observations[point.first_observation + k];
+        if (!observation.active) continue;
+        const auto ray = model.camera->ray(observation.uv_px);
+        if (!ray) continue;
+        const Pose T_W_C = camera_pose(model, state, observation.frame_idx);
+        lines.push_back({T_W_C * ray->origin, T_W_C.R * ray->direction});
+    }
+    const auto result = triangulate(lines, model.camera->angular_resolution());
+    if (!result || result->parallax < kSmallestParallax) return std::nullopt;
+    return result->point;
+}
+
+void place_points(const Model& model, double distance, const std::vector<bool>& keep,
+                  State& state) {
+    std::vector<bool> placed = keep;
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        if (keep[j]) continue;
+        if (const auto point = triangulate_point(model, state, model.points[j])) {
+            state.points[j] = *point;
+            placed[j] = true;
+        }
+    }
+    const double range = median_range(model, state, placed, distance);
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (!placed[j]) state.points[j] = backprojected(model, state, model.points[j], range);
+}
+
+State continued_start(const Model& model, const Model& shorter, const State& known) {
+    State state = known;
+    state.frames.reserve(model.frames());
+    while (static_cast<int>(state.frames.size()) < model.frames()) {
+        const int i = static_cast<int>(state.frames.size()) - 1;
+        State::Frame next = state.frames[i];
+        if (model.inertial) {
+            const PreintegratedImu readings(model.segments[i], next.bias, model.noise);
+            next.motion = readings.predict(next.motion, next.bias, state.gravity);
+        } else if (i > 0) {
+            const InertialState &before = state.frames[i - 1].motion,
+                                &last = state.frames[i].motion;
+            next.motion.R = so3::normalized(last.R * before.R.transpose() * last.R);
+            next.motion.p += last.p - before.p;
+        }
+        state.frames.push_back(next);
+    }
+    std::map<FeatureId, Eigen::Vector3d> positions;
+    for (size_t j = 0; j < shorter.points.size(); ++j)
+        positions[shorter.points[j].id] = known.points[j];
+    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
+    std::vector<bool> keep(model.points.size(), false);
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (const auto it = positions.find(model.points[j].id); it != positions.end()) {
+            state.points[j] = it->second;
+            keep[j] = true;
+        }
+    place_points(model, 1.0, keep, state);
+    return state;
+}
+
+State given_start(const Model& model, const Estimate& start) {
+    constexpr TimeNs kTolerance = 1'000'000;
+    State state;
+    state.gravity = start.g_W;
+    const Pose T_B_I = model.T_I_B.inverse();
+    for (int i = 0; i < model.frames(); ++i) {
+        const TimeNs t = model.times[i];
+        const auto it =
+            std::lower_bound(start.states.begin(), start.states.end(), t - kTolerance,
+                             [](const StateEstimate& s, TimeNs time) { return s.t < time; });
+        if (it == start.states.end() || it->t > t + kTolerance)
+            throw InputError("start trajectory (t = " + std::to_string(t) +
+                             " ns): no state for this image; give one for every image");
+        const Pose T_W_I = it->T_W_B * T_B_I;
+        State::Frame frame;
+        frame.motion = {T_W_I.R, T_W_I.p, it->v_W};
+        frame.bias = {it->gyro_bias, it->accel_bias};
+        if (model.inertial) {
+            const Eigen::Vector3d rate = model.gyro_at_image[i] - it->gyro_bias;
+            frame.motion.v -= T_W_I.R * rate.cross(model.T_I_B.p);
+        }
+        state.frames.push_back(frame);
+    }
+    std::map<FeatureId, Eigen::Vector3d> positions;
+    for (const LandmarkEstimate& landmark : start.landmarks) positions[landmark.id] = landmark.p_W;
+    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
+    std::vector<bool> keep(model.points.size(), false);
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (const auto it = positions.find(model.points[j].id); it != positions.end()) {
+            state.points[j] = it->second;
+            keep[j] = true;
+        }
+    place_points(model, 1.0, keep, state);
+    return state;
+}
+
+}  // namespace vio::batch

@@ -1,0 +1,31 @@
+// Where the minimisation starts from.
+#pragma once
+
+#include <optional>
+
+#include "libvio/batch/model.h"
+
+namespace vio::batch {
+
+/// The paper's "blind" start (section 4.6): all cameras at the origin, points backprojected to a
+/// fixed distance from the origin by their first image, everything else zero.
+State blind_start(const Model& model, const BatchOptions& options);
+
+/// Start from given states (interpolated to none: every image needs one within 1 ms, or InputError)
+/// and, where present, landmarks; other points are triangulated.
+State given_start(const Model& model, const Estimate& start);
+
+/// Continues a state of the model's first frames to all of them, by the inertial readings (or at
+/// constant velocity without them), keeping the points in `known` and triangulating the others.
+State continued_start(const Model& model, const Model& shorter, const State& known);
+
+/// Point from its active observations and the frames' poses; nothing where the parallax is too
+/// small or the point comes to lie behind a camera.
+std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State& state,
+                                                 const Point& point);
+
+/// Gives every point a position: triangulated, or else backprojected to the given distance.
+/// Points marked in `keep` stay as they are.
+void place_points(const Model& model, double distance, const std::vector<bool>& keep, State& state);
+
+}  // namespace vio::batch
