@@ -9,11 +9,6 @@
 
 namespace vio {
 
-struct TimedPose {
-    TimeNs t = 0;
-    Pose T_W_B;
-};
-
 /// Reads a trajectory in order of time, plain or gzip-compressed, in either form:
 /// - TUM text: `t[s] x y z qx qy qz qw`, separated by blanks; the decimal stamp is taken exactly;
 /// - EuRoC CSV: `t[ns],x,y,z,qw,qx,qy,qz[,more columns]`, whose other columns are not read.

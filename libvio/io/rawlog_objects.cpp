@@ -1,0 +1,57 @@
+#include "libvio/io/rawlog_objects.h"
+
+#include <mrpt/serialization/CArchive.h>
+
+#include "libvio/io/feature_observation.h"
+#include "libvio/io/text.h"
+
+namespace vio {
+namespace {
+
+// The innermost message of an exception of MRPT, which comes as a report of several lines.
+std::string mrpt_reason(const std::string& report) {
+    constexpr std::string_view kMark = "Message:";
+    const auto mark = report.rfind(kMark);
+    if (mark == std::string::npos) return one_line(report).substr(0, 160);
+    const std::string message = report.substr(mark + kMark.size());
+    return one_line(message.substr(0, message.find("\nLocation"))).substr(0, 160);
+}
+
+}  // namespace
+
+RawlogObjects::RawlogObjects(const std::string& file) : input_(file) {
+    register_mrpt_classes();
+}
+
+mrpt::serialization::CSerializable::Ptr RawlogObjects::next() {
+    try {
+        if (input_.at_end()) {
+            if (count_ == 0) throw InputError(input_.file() + ": is empty; expected a rawlog");
+            return nullptr;
+        }
+        auto archive = mrpt::serialization::archiveFrom(input_);
+        auto object = archive.ReadObject();
+        if (!object) throw std::runtime_error("a null object");
+        ++count_;
+        return object;
+    } catch (const InputError&) {
+        throw;
+    } catch (const std::exception& reason) {
+        throw failure(input_.failure().empty() ? mrpt_reason(reason.what()) : input_.failure());
+    }
+}
+
+InputError RawlogObjects::error(const std::string& problem) const {
+    return InputError(input_.file() + " (object " + std::to_string(count_) + "): " + problem);
+}
+
+InputError RawlogObjects::failure(const std::string& reason) const {
+    if (count_ == 0)
+        return InputError(input_.file() + ": is not an MRPT rawlog, or its very beginning is " +
+                          "damaged (" + reason + ")");
+    return InputError(input_.file() + " (after object " + std::to_string(count_) + ", byte " +
+                      std::to_string(input_.position()) + " of the content): " + reason +
+                      "; what was read before is kept, record or convert the file again");
+}
+
+}  // namespace vio
