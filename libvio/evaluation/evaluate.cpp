@@ -1,0 +1,192 @@
+#include "libvio/evaluation/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "libvio/base/errors.h"
+
+namespace vio {
+namespace {
+
+std::string seconds_text(TimeNs t) {
+    char text[32];
+    std::snprintf(text, sizeof(text), "%.3f s", to_seconds(t));
+    return text;
+}
+
+std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
+                                       const std::vector<TimedPose>& truth,
+                                       const EvaluationOptions& options) {
+    const TimeNs offset = from_seconds(options.time_offset_s);
+    auto pairs = associate(estimate, truth, from_seconds(options.max_gap_s), offset);
+    const std::string both = options.estimate_name + " against " + options.truth_name + ": ";
+    if (pairs.empty()) {
+        if (estimate.back().t + offset < truth.front().t ||
+            estimate.front().t + offset > truth.back().t)
+            throw InputError(both + "no overlap in time (" + seconds_text(estimate.front().t) +
+                             " to " + seconds_text(estimate.back().t) + ", truth " +
+                             seconds_text(truth.front().t) + " to " + seconds_text(truth.back().t) +
+                             "); check the clocks and the unit of the stamps");
+        throw InputError(both + "no pose lies between rows of truth at most " +
+                         seconds_text(from_seconds(options.max_gap_s)) +
+                         " apart; allow a wider gap");
+    }
+    if (pairs.size() == 1)
+        throw InputError(both + "only one pose has truth at its time; at least two are needed");
+    for (PosePair& pair : pairs) pair.estimate = pair.estimate * options.T_B_T;
+    return pairs;
+}
+
+std::pair<Eigen::Matrix3Xd, Eigen::Matrix3Xd> positions(const std::vector<PosePair>& pairs) {
+    Eigen::Matrix3Xd p_E(3, static_cast<Eigen::Index>(pairs.size())), p_G = p_E;
+    for (Eigen::Index i = 0; i < p_E.cols(); ++i) {
+        p_E.col(i) = pairs[static_cast<size_t>(i)].estimate.p;
+        p_G.col(i) = pairs[static_cast<size_t>(i)].truth.p;
+    }
+    return {p_E, p_G};
+}
+
+/// Throws InputError if the path does not determine the alignment.
+void require_determined(const Alignment& alignment, const EvaluationOptions& options) {
+    const std::string where = options.estimate_name + " against " + options.truth_name + ": ";
+    const std::string kind = to_string(alignment.kind);
+    switch (alignment.status) {
+        case AlignmentStatus::kDetermined:
+            return;
+        case AlignmentStatus::kTooFewPoints:
+            throw InputError(where + kind + " alignment needs at least two poses");
+        case AlignmentStatus::kStationary:
+            throw InputError(
+                where + "the path stays in one place" +
+                (alignment.kind == AlignmentKind::kYawPosition ? " seen from above" : "") +
+                ", which leaves the " + kind + " alignment undetermined; ask for alignment none");
+        case AlignmentStatus::kCollinear:
+            throw InputError(where +
+                             "the path is a straight line, which leaves the rotation of the " +
+                             kind + " alignment undetermined; ask for yaw+position");
+    }
+}
+
+/// Scale by Sim(3), Eq. (27). A line still tells it; two points would fit any truth.
+std::optional<double> scale_error(const Eigen::Matrix3Xd& p_E, const Eigen::Matrix3Xd& p_G) {
+    const Alignment sim3 = align(p_E, p_G, AlignmentKind::kSim3);
+    const bool told =
+        sim3.status == AlignmentStatus::kDetermined || sim3.status == AlignmentStatus::kCollinear;
+    if (!told || p_E.cols() < 3 || !(sim3.S_G_E.s > 0)) return std::nullopt;
+    return 1 / sim3.S_G_E.s - 1;
+}
+
+Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImages& images) {
+    Completion result;
+    if (images.stamps.empty()) {
+        if (images.image_count <= 0) return result;
+        const TimeNs start = estimate.front().t + from_seconds(images.start_offset_s);
+        result.expected = images.image_count;
+        for (const TimedPose& row : estimate) result.estimated += row.t >= start;
+        result.estimated = std::min(result.estimated, result.expected);
+        return result;
+    }
+    const TimeNs start = images.stamps.front() + from_seconds(images.start_offset_s);
+    const TimeNs tolerance = from_seconds(images.stamp_tolerance_s);
+    for (const TimeNs t : images.stamps) {
+        if (t < start) continue;
+        ++result.expected;
+        const auto row =
+            std::lower_bound(estimate.begin(), estimate.end(), t - tolerance,
+                             [](const TimedPose& pose, TimeNs stamp) { return pose.t < stamp; });
+        result.estimated += row != estimate.end() && row->t <= t + tolerance;
+    }
+    return result;
+}
+
+void add_warnings(Evaluation& e) {
+    char text[160];
+    if (e.associated_poses < e.estimated_poses) {
+        std::snprintf(text, sizeof(text), "%d of %d poses have no truth at their time",
+                      e.estimated_poses - e.associated_poses, e.estimated_poses);
+        e.warnings.push_back(text);
+    }
+    const double factor = e.scale_error ? 1 + *e.scale_error : 1;
+    if (e.alignment.kind != AlignmentKind::kSim3 && (factor > 5 || factor < 0.2)) {
+        std::snprintf(text, sizeof(text),
+                      "the estimate is %.4g times as large as the truth; check the unit of the "
+                      "truth, or ask for Sim(3) if the estimate has no scale",
+                      factor);
+        e.warnings.push_back(text);
+    }
+}
+
+void measure_poses(const std::vector<PosePair>& aligned, Evaluation& e) {
+    std::vector<double> position, rotation;
+    for (const PosePair& pair : aligned) {
+        const PoseError error{pair.t, pair.estimate_idx, pair.estimate.p - pair.truth.p,
+                              rotation_angle(pair.truth.R.transpose() * pair.estimate.R)};
+        e.errors.push_back(error);
+        position.push_back(error.position.norm());
+        rotation.push_back(error.rotation);
+    }
+    e.position = statistics(std::move(position));
+    e.rotation = statistics(std::move(rotation));
+}
+
+void measure_steps(const std::vector<PosePair>& aligned, const EvaluationOptions& options,
+                   Evaluation& e) {
+    std::vector<double> distances = options.rpe_distances_m;
+    if (distances.empty() && e.truth_path_length > 0)
+        distances = {0.1 * e.truth_path_length, 0.5 * e.truth_path_length};
+    for (double step : distances)
+        e.rpe_distance.push_back(relative_error_over_distance(aligned, step));
+    for (double step : options.rpe_times_s)
+        e.rpe_time.push_back(relative_error_over_time(aligned, step));
+}
+
+double length(const Eigen::Matrix3Xd& points) {
+    double sum = 0;
+    for (Eigen::Index i = 1; i < points.cols(); ++i)
+        sum += (points.col(i) - points.col(i - 1)).norm();
+    return sum;
+}
+
+}  // namespace
+
+std::vector<TimedPose> apply(const Similarity& S_G_E, const std::vector<TimedPose>& estimate) {
+    std::vector<TimedPose> aligned = estimate;
+    for (TimedPose& row : aligned) row.T_W_B = S_G_E * row.T_W_B;
+    return aligned;
+}
+
+Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<TimedPose>& truth,
+                    const EvaluationOptions& options,
+                    const std::optional<std::vector<Matrix6d>>& covariances) {
+    check_trajectory(estimate, options.estimate_name);
+    check_trajectory(truth, options.truth_name);
+    if (covariances && covariances->size() != estimate.size())
+        throw InputError(options.estimate_name + ": holds " + std::to_string(estimate.size()) +
+                         " poses but " + std::to_string(covariances->size()) +
+                         " covariances; give one for each");
+    std::vector<PosePair> pairs = associated_pairs(estimate, truth, options);
+    const auto [p_E, p_G] = positions(pairs);
+
+    Evaluation e;
+    e.estimate_name = options.estimate_name;
+    e.truth_name = options.truth_name;
+    e.estimated_poses = static_cast<int>(estimate.size());
+    e.associated_poses = static_cast<int>(pairs.size());
+    e.duration_s = to_seconds(pairs.back().t - pairs.front().t);
+    e.estimate_path_length = length(p_E);
+    e.truth_path_length = length(p_G);
+    e.completion = completion(estimate, options.images);
+    e.scale_error = scale_error(p_E, p_G);
+    if (covariances) e.nees = nees(pairs, *covariances);
+
+    e.alignment = align(p_E, p_G, options.alignment);
+    require_determined(e.alignment, options);
+    for (PosePair& pair : pairs) pair.estimate = e.alignment.S_G_E * pair.estimate;
+    measure_poses(pairs, e);
+    measure_steps(pairs, options, e);
+    add_warnings(e);
+    return e;
+}
+
+}  // namespace vio

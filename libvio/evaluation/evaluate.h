@@ -1,0 +1,88 @@
+// An estimated trajectory judged against truth (paper, section 6.4).
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libvio/evaluation/association.h"
+#include "libvio/evaluation/metrics.h"
+#include "libvio/geometry/alignment.h"
+
+namespace vio {
+
+/// Of which images the estimate is to hold a pose. With stamps each image is looked for; without,
+/// the poses from the first one on are counted against image_count.
+struct ExpectedImages {
+    std::vector<TimeNs> stamps;       ///< of the sequence's images, in the estimate's time
+    int image_count = 0;              ///< used where there are no stamps; 0: unknown
+    double start_offset_s = 0;        ///< images up to this long after the first are not asked for
+    double stamp_tolerance_s = 1e-3;  ///< between an image and its pose
+};
+
+struct EvaluationOptions {
+    AlignmentKind alignment = AlignmentKind::kSE3;
+    double max_gap_s = 0.1;    ///< widest gap in the truth that is interpolated over
+    double time_offset_s = 0;  ///< t_truth = t_estimate + time_offset
+    Pose T_B_T;                ///< pose of what the truth tracks, in the estimate's body frame
+    ExpectedImages images;
+    /// Lengths of the relative pose error. Distances left empty: 10 and 50 % of the true path.
+    std::vector<double> rpe_distances_m;
+    std::vector<double> rpe_times_s = {1.0};
+    /// Named in error messages.
+    std::string estimate_name = "estimate", truth_name = "truth";
+};
+
+/// Error of one pose after alignment, in the truth's world G.
+struct PoseError {
+    TimeNs t = 0;
+    int estimate_idx = 0;
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< estimate - truth [m]
+    double rotation = 0;                                 ///< angle [rad]
+};
+
+struct Completion {
+    int expected = 0;   ///< images in the interval; 0: not known
+    int estimated = 0;  ///< of these, with a pose
+    double share() const { return expected > 0 ? double(estimated) / expected : 0; }
+};
+
+struct Evaluation {
+    std::string estimate_name, truth_name;
+    Alignment alignment;       ///< the one that was asked for, and applied
+    ErrorStatistics position;  ///< [m]
+    ErrorStatistics rotation;  ///< [rad]
+    /// 1/s - 1 of the Sim(3) alignment (27), whatever alignment was asked for; nothing if the path
+    /// is too short to tell (two poses, or one place).
+    std::optional<double> scale_error;
+    std::vector<RelativeError> rpe_distance, rpe_time;
+    Completion completion;
+    std::optional<Nees> nees;           ///< if covariances were given
+    int estimated_poses = 0;            ///< in the whole estimate
+    int associated_poses = 0;           ///< with truth at their time
+    double estimate_path_length = 0;    ///< of the associated poses, before alignment [m]
+    double truth_path_length = 0;       ///< of the associated poses [m]
+    double duration_s = 0;              ///< from first to last associated pose
+    std::vector<PoseError> errors;      ///< one for each associated pose
+    std::vector<std::string> warnings;  ///< one line each
+};
+
+/// Associates, aligns and measures. covariances, if given, are those of the estimated poses (one
+/// each, in the tangent order of Pose). Throws InputError (one line) for an estimate or truth that
+/// check_trajectory() refuses, no overlap in time, one pose, or a path that leaves the alignment
+/// undetermined (a straight line with SE(3) or Sim(3), one place).
+Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<TimedPose>& truth,
+                    const EvaluationOptions& options = {},
+                    const std::optional<std::vector<Matrix6d>>& covariances = std::nullopt);
+
+/// The aligned estimate, whole, in the truth's world.
+std::vector<TimedPose> apply(const Similarity& S_G_E, const std::vector<TimedPose>& estimate);
+
+/// A short table for people: metres, degrees, percent.
+std::string to_text(const Evaluation& evaluation);
+
+/// Machine-readable; the unit is part of each name. Holds the statistics, not the single errors.
+nlohmann::ordered_json to_json(const Evaluation& evaluation);
+
+}  // namespace vio

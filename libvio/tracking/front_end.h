@@ -1,0 +1,56 @@
+// From the messages of a recording to feature tracks.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "libvio/camera/rig.h"
+#include "libvio/imu/integration.h"
+#include "libvio/io/recording.h"
+#include "libvio/tracking/tracker.h"
+
+namespace vio {
+
+/// Tracks the images of a stream of messages, predicting with the gyro. The loop of an application:
+///
+///     while (auto message = recording.next())
+///         for (const FeatureFrame& frame : front_end.add(*message)) use(frame);
+///     for (const FeatureFrame& frame : front_end.finish()) use(frame);
+///
+/// An image waits until the IMU readings cover its time, but never for more than kMostWaiting later
+/// images: then it is tracked without prediction.
+class TrackingFrontEnd {
+ public:
+    static constexpr int kMostWaiting = 10;
+
+    /// With use_gyro false, IMU readings are ignored and images do not wait.
+    TrackingFrontEnd(const TrackerOptions& options, const Rig& rig, bool use_gyro = true);
+
+    /// Frames that this message completes, in order of time. Frames of features pass unchanged;
+    /// messages of other sensors yield nothing.
+    std::vector<FeatureFrame> add(const Message& message);
+
+    /// Frames of the images that still wait. Call once after the last message.
+    std::vector<FeatureFrame> finish();
+
+    /// Gyro bias [rad/s] that predictions use from now on.
+    void set_gyro_bias(const Eigen::Vector3d& gyro_bias) { gyro_bias_ = gyro_bias; }
+
+    FeatureTracker& tracker() { return tracker_; }
+
+ private:
+    void add_reading(const ImuReading& reading);
+    bool ready(const ImageMessage& image) const;
+    FeatureFrame track_first();
+    std::vector<FeatureFrame> track_ready();
+
+    Rig rig_;
+    bool use_gyro_;
+    FeatureTracker tracker_;
+    ImuSequence imu_;
+    std::deque<ImageMessage> waiting_;
+    std::optional<TimeNs> last_image_;
+    Eigen::Vector3d gyro_bias_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace vio

@@ -1,0 +1,381 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "libvio/base/errors.h"
+#include "libvio/evaluation/evaluate.h"
+
+namespace vio {
+namespace {
+
+constexpr double kTight = 1e-9;
+
+Similarity some_similarity(double s = 1.7) {
+    return {s, so3::exp({0.4, -1.1, 2.0}), {3.0, -2.0, 0.5}};
+}
+
+/// A path that bends in all three directions, with stamps every 50 ms.
+std::vector<TimedPose> winding_path(int n = 101) {
+    std::vector<TimedPose> path;
+    for (int i = 0; i < n; ++i) {
+        const double u = 0.05 * i;
+        path.push_back({1'403'636'579'000'000'000 + i * TimeNs{50'000'000},
+                        {so3::exp({0.3 * std::sin(u), 0.2 * u, 0.5 * std::cos(1.3 * u)}),
+                         {2 * std::cos(u), 1.5 * std::sin(u), 0.4 * std::sin(2.1 * u)}}});
+    }
+    return path;
+}
+
+std::vector<TimedPose> transformed(const Similarity& S, const std::vector<TimedPose>& path) {
+    return apply(S, path);
+}
+
+std::string message_of(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const InputError& error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(Alignment, RecoversTheTransformationOfItsKind) {
+    const auto path = winding_path();
+    Eigen::Matrix3Xd p_E(3, static_cast<Eigen::Index>(path.size()));
+    for (Eigen::Index i = 0; i < p_E.cols(); ++i) p_E.col(i) = path[static_cast<size_t>(i)].T_W_B.p;
+    for (AlignmentKind kind :
+         {AlignmentKind::kYawPosition, AlignmentKind::kSE3, AlignmentKind::kSim3}) {
+        Similarity truth = some_similarity(kind == AlignmentKind::kSim3 ? 1.7 : 1.0);
+        if (kind == AlignmentKind::kYawPosition) truth.R = so3::exp({0, 0, -2.5});
+        Eigen::Matrix3Xd p_G(3, p_E.cols());
+        for (Eigen::Index i = 0; i < p_E.cols(); ++i) p_G.col(i) = truth * p_E.col(i);
+        const Alignment found = align(p_E, p_G, kind);
+        EXPECT_EQ(found.status, AlignmentStatus::kDetermined);
+        EXPECT_NEAR(found.S_G_E.s, truth.s, kTight) << to_string(kind);
+        EXPECT_LT((found.S_G_E.R - truth.R).norm(), kTight) << to_string(kind);
+        EXPECT_LT((found.S_G_E.p - truth.p).norm(), kTight) << to_string(kind);
+    }
+}
+
+TEST(Alignment, YawMinimisesTheDistancesAmongAllYaws) {
+    std::mt19937 engine(3);
+    std::normal_distribution<double> normal;
+    const auto noise = [&] { return normal(engine); };
+    const Eigen::Matrix3Xd p_E = Eigen::Matrix3Xd::NullaryExpr(3, 40, noise);
+    const Eigen::Matrix3Xd p_G = Eigen::Matrix3Xd::NullaryExpr(3, 40, noise);
+    const Similarity S = align(p_E, p_G, AlignmentKind::kYawPosition).S_G_E;
+    const auto cost = [&](double d_yaw, const Eigen::Vector3d& d_p) {
+        const Similarity moved{1, so3::exp({0, 0, d_yaw}) * S.R, S.p + d_p};
+        double sum = 0;
+        for (Eigen::Index i = 0; i < p_E.cols(); ++i)
+            sum += (p_G.col(i) - moved * p_E.col(i)).squaredNorm();
+        return sum;
+    };
+    const double best = cost(0, Eigen::Vector3d::Zero());
+    for (double d_yaw : {-3.0, -1.0, -1e-3, 1e-3, 1.0, 3.0})
+        EXPECT_GT(cost(d_yaw, Eigen::Vector3d::Zero()), best);
+    for (int axis = 0; axis < 3; ++axis)
+        EXPECT_GT(cost(0, 1e-3 * Eigen::Vector3d::Unit(axis)), best);
+}
+
+TEST(Alignment, SaysWhichPathsLeaveItUndetermined) {
+    const Eigen::Matrix3Xd one = Eigen::Vector3d(1, 2, 3);
+    const Eigen::Matrix3Xd still = Eigen::Vector3d(1, 2, 3).replicate(1, 5);
+    Eigen::Matrix3Xd line(3, 5), upright = Eigen::Matrix3Xd::Zero(3, 5);
+    for (int i = 0; i < 5; ++i)
+        line.col(i) = Eigen::Vector3d(1, 2, 3) + i * Eigen::Vector3d(2, 1, -1);
+    upright.row(2) = line.row(0);
+    using enum AlignmentKind;
+    EXPECT_EQ(align(one, one, kSE3).status, AlignmentStatus::kTooFewPoints);
+    EXPECT_LT((align(one, still.leftCols(1), kSE3).S_G_E * one.col(0) - one.col(0)).norm(), kTight);
+    EXPECT_EQ(align(still, line, kSim3).status, AlignmentStatus::kStationary);
+    EXPECT_EQ(align(line, 2 * line, kSE3).status, AlignmentStatus::kCollinear);
+    const Alignment sim3 = align(line, 2 * line, kSim3);
+    EXPECT_EQ(sim3.status, AlignmentStatus::kCollinear);
+    EXPECT_NEAR(sim3.S_G_E.s, 2, kTight) << "a line tells the scale";
+    EXPECT_EQ(align(line, line, kYawPosition).status, AlignmentStatus::kDetermined);
+    EXPECT_EQ(align(upright, upright, kYawPosition).status, AlignmentStatus::kStationary);
+    EXPECT_EQ(align(one, one, kNone).status, AlignmentStatus::kDetermined);
+}
+
+TEST(Association, InterpolatesOnTheGeodesicAndRefusesGaps) {
+    const Pose A{so3::exp({0.1, 0.2, 0.3}), {1, 0, 0}};
+    const Eigen::Vector3d turn(0.6, -0.3, 0.9);
+    const Pose B{A.R * so3::exp(turn), {3, 4, 0}};
+    const std::vector<TimedPose> truth = {{0, A}, {100, B}, {1000, A}};
+    const std::vector<TimedPose> estimate = {{-1, A},  {0, A},   {25, A},
+                                             {100, A}, {500, A}, {1000, A}};
+    const auto pairs = associate(estimate, truth, 100);
+    ASSERT_EQ(pairs.size(), 4u);  // before the first row and inside the gap: none
+    EXPECT_EQ(pairs[1].estimate_idx, 2);
+    EXPECT_LT((pairs[1].truth.R - A.R * so3::exp(0.25 * turn)).norm(), kTight);
+    EXPECT_LT((pairs[1].truth.p - Eigen::Vector3d(1.5, 1, 0)).norm(), kTight);
+    EXPECT_EQ(pairs[2].truth.p, B.p);
+    EXPECT_EQ(pairs[3].estimate_idx, 5) << "exact stamps need no neighbour";
+    const auto shifted = associate({{20, A}}, truth, 100, 30);
+    ASSERT_EQ(shifted.size(), 1u);
+    EXPECT_LT((shifted[0].truth.p - Eigen::Vector3d(2, 2, 0)).norm(), kTight);
+}
+
+TEST(Statistics, FollowTheirDefinitions) {
+    const ErrorStatistics s = statistics({4, 1, 3, 2});
+    EXPECT_EQ(s.count, 4);
+    EXPECT_NEAR(s.mean, 2.5, kTight);
+    EXPECT_NEAR(s.rmse, std::sqrt(30.0 / 4), kTight);
+    EXPECT_NEAR(s.median, 2.5, kTight);
+    EXPECT_NEAR(s.std_dev, std::sqrt(1.25), kTight);
+    EXPECT_EQ(s.min, 1);
+    EXPECT_EQ(s.max, 4);
+    EXPECT_EQ(statistics({5, 1, 2}).median, 2);
+    EXPECT_EQ(statistics({}).count, 0);
+}
+
+TEST(Evaluate, ATransformedCopyHasNoErrorUnderItsAlignmentAndTheRightScaleError) {
+    const auto truth = winding_path();
+    const Similarity S_G_E = some_similarity();
+    const auto estimate = transformed(S_G_E.inverse(), truth);
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kSim3;
+    const Evaluation e = evaluate(estimate, truth, options);
+    EXPECT_LT(e.position.max, kTight);
+    EXPECT_LT(e.rotation.max, 1e-7);  // the angle's own rounding: sqrt(2 epsilon)
+    EXPECT_NEAR(e.scale_error.value(), 1 / 1.7 - 1, kTight);
+    EXPECT_NEAR(e.truth_path_length, 1.7 * e.estimate_path_length, kTight);
+    EXPECT_NEAR(e.truth_path_length, path_length(truth), kTight);
+    EXPECT_EQ(e.associated_poses, 101);
+    EXPECT_TRUE(e.warnings.empty());
+
+    options.alignment = AlignmentKind::kSE3;  // the scale error does not depend on what is asked
+    EXPECT_NEAR(evaluate(estimate, truth, options).scale_error.value(), 1 / 1.7 - 1, kTight);
+}
+
+TEST(Evaluate, RotationErrorIsTheAbsoluteAngleAfterTheAlignmentsRotation) {
+    auto truth = winding_path();
+    auto estimate = truth;
+    for (size_t i = 0; i < estimate.size(); ++i)
+        estimate[i].T_W_B.R *= so3::exp({0, (i % 2 ? 0.02 : -0.04), 0});
+    estimate = transformed(some_similarity(1), estimate);
+    const Evaluation e = evaluate(estimate, truth);
+    EXPECT_LT(e.position.max, kTight);
+    EXPECT_NEAR(e.rotation.max, 0.04, kTight);
+    EXPECT_NEAR(e.rotation.mean, (51 * 0.04 + 50 * 0.02) / 101, kTight);
+    EXPECT_NEAR(e.rotation.rmse, std::sqrt((51 * 0.0016 + 50 * 0.0004) / 101), kTight);
+}
+
+TEST(Evaluate, PositionErrorWithoutAlignmentIsTheDistance) {
+    const auto truth = winding_path();
+    auto estimate = truth;
+    for (size_t i = 0; i < estimate.size(); ++i)
+        estimate[i].T_W_B.p += (i % 2 ? 0.3 : 0.1) * Eigen::Vector3d(2, -1, 2) / 3;
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kNone;
+    const Evaluation e = evaluate(estimate, truth, options);
+    EXPECT_NEAR(e.position.mean, (51 * 0.1 + 50 * 0.3) / 101, kTight);
+    EXPECT_NEAR(e.position.rmse, std::sqrt((51 * 0.01 + 50 * 0.09) / 101), kTight);
+    EXPECT_NEAR(e.position.max, 0.3, kTight);
+    EXPECT_NEAR(e.position.median, 0.1, kTight);
+}
+
+// evo's formulae written out: APE is |t(Q^-1 P)| and angle(Q^-1 P) of each pair; RPE is of
+// E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j) for the pairs of a step.
+TEST(Evaluate, AgreesWithTheFormulaeOfEvo) {
+    std::mt19937 engine(11);
+    std::normal_distribution<double> normal(0, 0.02);
+    const auto truth = winding_path();
+    auto estimate = truth;
+    for (TimedPose& row : estimate)
+        row.T_W_B = row.T_W_B.boxplus(Vector6d::NullaryExpr([&] { return normal(engine); }));
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kNone;
+    options.rpe_distances_m = {1.0};
+    options.rpe_times_s = {0.5};
+    const Evaluation e = evaluate(estimate, truth, options);
+
+    const auto homogeneous = [](const Pose& T) {
+        Eigen::Matrix4d M = Eigen::Matrix4d::Identity();
+        M.topLeftCorner<3, 3>() = T.R;
+        M.topRightCorner<3, 1>() = T.p;
+        return M;
+    };
+    std::vector<Eigen::Matrix4d> Q, P;
+    for (const TimedPose& row : truth) Q.push_back(homogeneous(row.T_W_B));
+    for (const TimedPose& row : estimate) P.push_back(homogeneous(row.T_W_B));
+    const auto angle = [](const Eigen::Matrix4d& E) {
+        return std::acos((E.topLeftCorner<3, 3>().trace() - 1) / 2);
+    };
+    const auto translation = [](const Eigen::Matrix4d& E) -> double {
+        return E.topRightCorner<3, 1>().norm();
+    };
+    double ape_t = 0, ape_r = 0;
+    for (size_t i = 0; i < Q.size(); ++i) {
+        const Eigen::Matrix4d E = Q[i].inverse() * P[i];
+        ape_t += std::pow(translation(E), 2);
+        ape_r += std::pow(angle(E), 2);
+    }
+    EXPECT_NEAR(e.position.rmse, std::sqrt(ape_t / double(Q.size())), kTight);
+    EXPECT_NEAR(e.rotation.rmse, std::sqrt(ape_r / double(Q.size())), kTight);
+
+    const auto relative = [&](size_t i, size_t j) -> Eigen::Matrix4d {
+        return (Q[i].inverse() * Q[j]).inverse() * (P[i].inverse() * P[j]);
+    };
+    double rpe_t = 0, rpe_r = 0;
+    int pairs = 0;
+    for (size_t i = 0; i + 10 < Q.size(); ++i, ++pairs) {
+        rpe_t += std::pow(translation(relative(i, i + 10)), 2);
+        rpe_r += std::pow(angle(relative(i, i + 10)), 2);
+    }
+    ASSERT_EQ(e.rpe_time.size(), 1u);
+    EXPECT_EQ(e.rpe_time[0].translation.count, pairs);
+    EXPECT_NEAR(e.rpe_time[0].translation.rmse, std::sqrt(rpe_t / pairs), kTight);
+    EXPECT_NEAR(e.rpe_time[0].rotation.rmse, std::sqrt(rpe_r / pairs), kTight);
+
+    std::vector<double> s = {0};
+    for (size_t i = 1; i < Q.size(); ++i)
+        s.push_back(s.back() + (Q[i] - Q[i - 1]).topRightCorner<3, 1>().norm());
+    rpe_t = 0;
+    pairs = 0;
+    for (size_t i = 0; i + 1 < Q.size(); ++i) {
+        size_t best = i + 1;
+        for (size_t j = i + 2; j < Q.size(); ++j)
+            if (std::abs(s[j] - s[i] - 1) < std::abs(s[best] - s[i] - 1)) best = j;
+        if (std::abs(s[best] - s[i] - 1) > 0.1) continue;
+        rpe_t += std::pow(translation(relative(i, best)), 2);
+        ++pairs;
+    }
+    ASSERT_EQ(e.rpe_distance.size(), 1u);
+    EXPECT_GT(pairs, 50);
+    EXPECT_EQ(e.rpe_distance[0].translation.count, pairs);
+    EXPECT_NEAR(e.rpe_distance[0].translation.rmse, std::sqrt(rpe_t / pairs), kTight);
+}
+
+TEST(Evaluate, CountsTheImagesThatHaveAPose) {
+    const auto truth = winding_path();
+    std::vector<TimedPose> estimate(truth.begin() + 30, truth.end());
+    estimate.erase(estimate.begin() + 20, estimate.begin() + 30);  // images 50 to 59
+    EvaluationOptions options;
+    for (const TimedPose& row : truth) options.images.stamps.push_back(row.t);
+    Completion c = evaluate(estimate, truth, options).completion;
+    EXPECT_EQ(c.expected, 101);
+    EXPECT_EQ(c.estimated, 61);
+    options.images.start_offset_s = 2.0;  // from image 40 on
+    c = evaluate(estimate, truth, options).completion;
+    EXPECT_EQ(c.expected, 61);
+    EXPECT_EQ(c.estimated, 51);
+    options.images.stamps.clear();
+    options.images.start_offset_s = 0;
+    options.images.image_count = 122;
+    EXPECT_NEAR(evaluate(estimate, truth, options).completion.share(), 0.5, kTight);
+}
+
+TEST(Evaluate, TruthOfAnotherPointOfTheBodyNeedsItsPose) {
+    const Pose T_B_T{so3::exp({0.2, 0.1, -0.4}), {0.1, -0.2, 0.05}};
+    const auto estimate = winding_path();
+    auto truth = estimate;
+    for (TimedPose& row : truth) row.T_W_B = row.T_W_B * T_B_T;
+    EvaluationOptions options;
+    options.T_B_T = T_B_T;
+    const Evaluation e = evaluate(estimate, truth, options);
+    EXPECT_LT(e.position.max, kTight);
+    EXPECT_LT(e.rotation.max, 1e-7);
+}
+
+// Errors drawn from the covariance itself, in worlds that differ by yaw and position.
+TEST(Evaluate, NeesOfErrorsDrawnFromTheirCovarianceIsTheirNumberOfFreedoms) {
+    std::mt19937 engine(5);
+    std::normal_distribution<double> normal;
+    const int n = 4001;
+    const auto path = winding_path(n);
+    const Similarity S_G_E{1, so3::exp({0, 0, 1.1}), {5, 6, 7}};
+    std::vector<TimedPose> truth = apply(S_G_E, path), estimate = path;
+    std::vector<Matrix6d> covariances(n, Matrix6d::Zero());
+    for (size_t i = 1; i < estimate.size(); ++i) {
+        const Matrix6d A = 0.01 * Matrix6d::NullaryExpr([&] { return normal(engine); });
+        covariances[i] = A * A.transpose() + 1e-5 * Matrix6d::Identity();
+        const Vector6d e =
+            covariances[i].llt().matrixL() * Vector6d::NullaryExpr([&] { return normal(engine); });
+        estimate[i].T_W_B = path[i].T_W_B.boxplus(-e);
+    }
+    const Nees nees = evaluate(estimate, truth, {}, covariances).nees.value();
+    EXPECT_EQ(nees.pose.count, n - 1) << "the first pose defines the world: no covariance";
+    // Standard error of the mean of n chi-square values: sqrt(2 dof / n); four of them. The errors
+    // of rotation are small, so their nonlinearity stays far below.
+    EXPECT_NEAR(nees.pose.mean, 6, 4 * std::sqrt(12.0 / n));
+    EXPECT_NEAR(nees.position.mean, 3, 4 * std::sqrt(6.0 / n));
+    EXPECT_NEAR(nees.rotation.mean, 3, 4 * std::sqrt(6.0 / n));
+    EXPECT_NEAR(nees.pose.share_in_95, 0.95, 4 * std::sqrt(0.95 * 0.05 / n));
+}
+
+TEST(Evaluate, BadInputIsOneLineThatNamesItsPlace) {
+    const auto good = winding_path();
+    EvaluationOptions options;
+    options.estimate_name = "est.tum";
+    options.truth_name = "gt.csv";
+    const auto expect = [&](const std::vector<TimedPose>& estimate,
+                            const std::vector<TimedPose>& truth, const std::string& part) {
+        const std::string message = message_of([&] { evaluate(estimate, truth, options); });
+        EXPECT_NE(message.find(part), std::string::npos) << message;
+        EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+    };
+    auto later = good;
+    for (TimedPose& row : later) row.t += from_seconds(1000);
+    expect(later, good, "no overlap in time");
+    expect({}, good, "est.tum: holds no pose");
+    expect({good[7]}, good, "only one pose");
+    auto nan = good;
+    nan[16].T_W_B.p.y() = std::nan("");
+    expect(good, nan, "gt.csv (row 17,");
+    auto unsorted = good;
+    std::swap(unsorted[3], unsorted[4]);
+    expect(unsorted, good, "est.tum (row 5,");
+    auto twice = good;
+    twice[9].t = twice[8].t;
+    expect(twice, good, "repeats");
+    auto skewed = good;
+    skewed[2].T_W_B.R *= 1.1;
+    expect(skewed, good, "not a rotation");
+    auto line = good, still = good;
+    for (size_t i = 0; i < line.size(); ++i) {
+        line[i].T_W_B.p = double(i) * Eigen::Vector3d(1, 2, 3);
+        still[i].T_W_B.p.setOnes();
+    }
+    options.alignment = AlignmentKind::kSim3;
+    expect(line, line, "straight line");
+    expect(still, good, "one place");
+    options.alignment = AlignmentKind::kSE3;
+    expect(good, line, "straight line");
+    options.max_gap_s = 0.01;
+    auto between = good;
+    for (TimedPose& row : between) row.t += 25'000'000;
+    expect(between, good, "wider gap");
+}
+
+TEST(Evaluate, TruthInMillimetresIsPointedOut) {
+    const auto estimate = winding_path();
+    const auto truth = apply({1000, Eigen::Matrix3d::Identity(), {0, 0, 0}}, estimate);
+    const Evaluation e = evaluate(estimate, truth);
+    ASSERT_EQ(e.warnings.size(), 1u);
+    EXPECT_NE(e.warnings[0].find("0.001 times"), std::string::npos) << e.warnings[0];
+}
+
+TEST(Evaluate, ReportsSayTheSameInTextAndJson) {
+    const auto truth = winding_path();
+    auto estimate = truth;
+    for (TimedPose& row : estimate) row.T_W_B.p.x() += 0.25;
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kNone;
+    options.images.image_count = 101;
+    const Evaluation e = evaluate(estimate, truth, options);
+    const std::string text = to_text(e);
+    EXPECT_NE(text.find("position            0.2500    0.2500"), std::string::npos) << text;
+    EXPECT_NE(text.find("completion       100.0 %"), std::string::npos) << text;
+    const auto json = nlohmann::json::parse(to_json(e).dump());
+    EXPECT_NEAR(json["position_m"]["rmse"].get<double>(), 0.25, kTight);
+    EXPECT_EQ(json["completion"]["share"], 1.0);
+    EXPECT_NEAR(json["scale_error"].get<double>(), 0, kTight);
+    EXPECT_EQ(json["alignment"], "none");
+}
+
+}  // namespace
+}  // namespace vio
