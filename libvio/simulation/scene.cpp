@@ -1,0 +1,235 @@
+#include "libvio/simulation/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "libvio/base/errors.h"
+#include "libvio/simulation/random.h"
+
+namespace vio {
+namespace {
+
+constexpr double kNearest = 1e-6;  // [m]
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct LocalHit {
+    double distance;
+    int axis;
+    Eigen::Vector3d normal;
+};
+
+std::optional<LocalHit> hit_box(const Solid& solid, const Eigen::Vector3d& o,
+                                const Eigen::Vector3d& d) {
+    double enter = -kInfinity, leave = kInfinity;
+    int enter_axis = 0, leave_axis = 0;
+    for (int i = 0; i < 3; ++i) {
+        const double h = solid.half_extent[i];
+        if (d[i] == 0) {
+            if (std::abs(o[i]) > h) return std::nullopt;
+            continue;
+        }
+        const double inverse = 1 / d[i];
+        const double a = (-h - o[i]) * inverse, b = (h - o[i]) * inverse;
+        const double near = std::min(a, b), far = std::max(a, b);
+        if (near > enter) enter = near, enter_axis = i;
+        if (far < leave) leave = far, leave_axis = i;
+    }
+    if (enter > leave) return std::nullopt;
+    const double distance = solid.hollow ? leave : enter;
+    if (distance < kNearest) return std::nullopt;
+    const int axis = solid.hollow ? leave_axis : enter_axis;
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    normal[axis] = d[axis] > 0 ? -1 : 1;
+    return LocalHit{distance, axis, normal};
+}
+
+std::optional<LocalHit> hit_ellipsoid(const Solid& solid, const Eigen::Vector3d& o,
+                                      const Eigen::Vector3d& d) {
+    const Eigen::Vector3d os = o.cwiseQuotient(solid.half_extent);
+    const Eigen::Vector3d ds = d.cwiseQuotient(solid.half_extent);
+    const double a = ds.squaredNorm(), b = os.dot(ds), c = os.squaredNorm() - 1;
+    const double discriminant = b * b - a * c;
+    if (discriminant < 0) return std::nullopt;
+    const double distance = (-b - std::sqrt(discriminant)) / a;
+    if (distance < kNearest) return std::nullopt;
+    const Eigen::Vector3d normal =
+        (os + distance * ds).cwiseQuotient(solid.half_extent).normalized();
+    int axis = 0;
+    normal.cwiseAbs().maxCoeff(&axis);
+    return LocalHit{distance, axis, normal};
+}
+
+Pose upright(double x, double y, double z, double yaw) {
+    return {Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix(), {x, y, z}};
+}
+
+// Puts solids into a scene with random textures and brightness.
+class Builder {
+ public:
+    Builder(std::vector<Solid>& solids, std::vector<std::shared_ptr<const Texture>>& textures,
+            std::uint64_t seed, double texel)
+        : solids_(solids), textures_(textures), random_(seed, "scene") {
+        constexpr int kTextures = 4;
+        for (int i = 0; i < kTextures; ++i)
+            textures_.push_back(
+                std::make_shared<Texture>(Random::stream_seed(seed, "texture") + i, texel));
+    }
+
+    Random& random() { return random_; }
+
+    void solid(const Pose& T_W_S, const Eigen::Vector3d& half_extent,
+               Solid::Shape shape = Solid::Shape::kBox, bool hollow = false) {
+        Solid s;
+        s.shape = shape;
+        s.hollow = hollow;
+        s.T_W_S = T_W_S;
+        s.half_extent = half_extent;
+        s.texture_idx = random_.below(static_cast<int>(textures_.size()));
+        s.texture_offset = {random_.uniform(0, 50), random_.uniform(0, 50)};
+        s.brightness = random_.uniform(0.75, 1.1);
+        solids_.push_back(s);
+    }
+
+    /// A slab whose upper face is at z = 0.
+    void ground(double half_side) { solid(upright(0, 0, -0.5, 0), {half_side, half_side, 0.5}); }
+
+    /// Boxes that stand on z = 0 within |x|, |y| < reach.
+    void boxes(int n, double reach, double min_half, double max_half, double min_height,
+               double max_height) {
+        for (int i = 0; i < n; ++i) {
+            const double x = random_.uniform(-reach, reach), y = random_.uniform(-reach, reach);
+            box_at(x, y, min_half, max_half, min_height, max_height);
+        }
+    }
+
+    void box_at(double x, double y, double min_half, double max_half, double min_height,
+                double max_height) {
+        const double yaw = random_.uniform(0, 3.14159265), a = random_.uniform(min_half, max_half),
+                     b = random_.uniform(min_half, max_half),
+                     h = random_.uniform(min_height, max_height) / 2;
+        solid(upright(x, y, h, yaw), {a, b, h});
+    }
+
+ private:
+    std::vector<Solid>& solids_;
+    std::vector<std::shared_ptr<const Texture>>& textures_;
+    Random random_;
+};
+
+void make_arm_cell(Builder& build) {
+    build.ground(3);
+    build.solid(upright(0, 0, 1.5, 0), {3, 3, 2.2}, Solid::Shape::kBox, true);
+    build.boxes(40, 1.1, 0.05, 0.16, 0.04, 0.35);
+}
+
+void make_room(Builder& build) {
+    build.solid(upright(0, 0, 1.5, 0), {4, 3, 1.5}, Solid::Shape::kBox, true);
+    for (int i = 0; i < 14; ++i) {  // along the walls, so that the middle stays free
+        const double side = build.random().uniform(-1, 1);
+        const bool along_x = build.random().uniform() < 0.5;
+        const double sign = build.random().uniform() < 0.5 ? -1 : 1;
+        build.box_at(along_x ? 3.5 * side : sign * 3.6, along_x ? sign * 2.6 : 2.5 * side, 0.15,
+                     0.45, 0.4, 2.0);
+    }
+}
+
+void make_crane_hall(Builder& build) {
+    build.ground(8);
+    build.solid(upright(0, 0, 4, 0), {8, 8, 4.2}, Solid::Shape::kBox, true);
+    build.boxes(110, 7, 0.1, 0.5, 0.05, 1.2);
+}
+
+void make_outdoor(Builder& build) {
+    build.ground(400);
+    Random& random = build.random();
+    for (int i = 0; i < 700; ++i) {
+        const double x = random.uniform(-45, 45), y = random.uniform(-45, 45);
+        const double size = 0.05 / std::sqrt(1 - 0.995 * random.uniform());
+        const Eigen::Vector3d half(size, size * random.uniform(0.6, 1),
+                                   size * random.uniform(0.4, 0.9));
+        build.solid(upright(x, y, 0.2 * half.z(), random.uniform(0, 3.14)), half,
+                    Solid::Shape::kEllipsoid);
+    }
+    for (int i = 0; i < 60; ++i) {  // hills on the horizon
+        const double angle = random.uniform(0, 6.2831853), r = random.uniform(120, 350);
+        const double size = random.uniform(10, 40);
+        build.solid(upright(r * std::cos(angle), r * std::sin(angle), -0.2 * size, angle),
+                    {size, 1.5 * size, random.uniform(0.3, 0.7) * size}, Solid::Shape::kEllipsoid);
+    }
+}
+
+}  // namespace
+
+const std::vector<std::string>& Scene::kinds() {
+    static const std::vector<std::string> all{"arm_cell", "room", "crane_hall", "outdoor"};
+    return all;
+}
+
+Scene Scene::make(const std::string& kind, std::uint64_t seed) {
+    const double texel = kind == "arm_cell" ? 0.0015 : kind == "room" ? 0.003 : 0.008;
+    Scene scene;
+    Builder build(scene.solids_, scene.textures_, seed, texel);
+    if (kind == "arm_cell")
+        make_arm_cell(build);
+    else if (kind == "room")
+        make_room(build);
+    else if (kind == "crane_hall")
+        make_crane_hall(build);
+    else if (kind == "outdoor")
+        make_outdoor(build);
+    else
+        throw InputError("scenario [scene] kind: no scene '" + kind +
+                         "'; use arm_cell, room, crane_hall or outdoor");
+    return scene;
+}
+
+std::optional<SurfaceHit> Scene::cast(const Eigen::Vector3d& origin_W,
+                                      const Eigen::Vector3d& direction_W,
+                                      const std::vector<int>* candidates) const {
+    // Fixed light from above and to one side.
+    const Eigen::Vector3d light = Eigen::Vector3d(0.35, 0.2, 0.9).normalized();
+    std::optional<LocalHit> nearest;
+    SurfaceHit hit;
+    Eigen::Vector3d direction_S;
+    const auto test = [&](int i) {
+        const Solid& solid = solids_[i];
+        const Eigen::Matrix3d& R = solid.T_W_S.R;
+        const Eigen::Vector3d o = R.transpose() * (origin_W - solid.T_W_S.p);
+        const Eigen::Vector3d d = R.transpose() * direction_W;
+        const auto local =
+            solid.shape == Solid::Shape::kBox ? hit_box(solid, o, d) : hit_ellipsoid(solid, o, d);
+        if (!local || (nearest && local->distance >= nearest->distance)) return;
+        nearest = local;
+        hit.solid_idx = i;
+        hit.p_S = o + local->distance * d;
+        direction_S = d;
+    };
+    if (candidates)
+        for (const int i : *candidates) test(i);
+    else
+        for (int i = 0; i < static_cast<int>(solids_.size()); ++i) test(i);
+    if (!nearest) return std::nullopt;
+    hit.distance = nearest->distance;
+    hit.axis = nearest->axis;
+    hit.cosine = std::abs(nearest->normal.dot(direction_S));
+    hit.shade =
+        0.72 + 0.28 * std::abs((solids_[hit.solid_idx].T_W_S.R * nearest->normal).dot(light));
+    return hit;
+}
+
+double Scene::intensity(const SurfaceHit& hit, double angle) const {
+    const Solid& solid = solids_[hit.solid_idx];
+    const int i = (hit.axis + 1) % 3, j = (hit.axis + 2) % 3;
+    const double u = hit.p_S[i] + solid.texture_offset.x() + 17.3 * hit.axis;
+    const double v = hit.p_S[j] + solid.texture_offset.y() + (hit.p_S[hit.axis] < 0 ? 5.1 : 0);
+    const double footprint = hit.distance * angle / std::sqrt(std::max(hit.cosine, 0.02));
+    const double light = solid.brightness * hit.shade;
+    return std::min(255.0, light * textures_[solid.texture_idx]->sample(u, v, footprint));
+}
+
+double Scene::sky(const Eigen::Vector3d& direction_W) const {
+    return 235 - 40 * std::max(0.0, direction_W.z());
+}
+
+}  // namespace vio

@@ -1,0 +1,32 @@
+// Procedural surface textures.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace vio {
+
+/// Grey, periodic texture: opaque leaves (rotated rectangles and discs of all sizes, the newest on
+/// top; the "dead leaves" model, whose statistics are those of natural images) over and under
+/// several octaves of gradient noise. It has corners at every scale. Sampled bilinearly from a
+/// pyramid, so that distant surfaces do not alias.
+class Texture {
+ public:
+    /// texel: size of the finest texel on the surface [m]. side: texels per period, a power of two.
+    Texture(std::uint64_t seed, double texel, int side = 1024);
+
+    /// Intensity 0..255 at surface coordinates (u, v) [m], averaged over about `footprint` [m].
+    double sample(double u, double v, double footprint) const;
+
+ private:
+    struct Level {
+        int side;
+        std::vector<float> texels;
+        double bilinear(double x, double y) const;  // in texels; texel (0, 0) has its centre there
+    };
+
+    double texel_;
+    std::vector<Level> levels_;
+};
+
+}  // namespace vio

@@ -1,0 +1,128 @@
+#include "libvio/simulation/tracks.h"
+
+#include <algorithm>
+
+namespace vio {
+namespace {
+
+struct Track {
+    FeatureId id;
+    Eigen::Vector3d followed_W;  ///< the point that the tracker follows now
+    Eigen::Vector2d drift_px = Eigen::Vector2d::Zero();
+    Eigen::Vector2d uv_px = Eigen::Vector2d::Zero();  ///< true place in the newest image
+    int images = 0;
+};
+
+class TrackSimulator {
+ public:
+    TrackSimulator(const Scene& scene, const Camera& camera, const TrackModel& model,
+                   Random& random)
+        : scene_(scene), camera_(camera), model_(model), random_(random) {}
+
+    void advance(TimeNs t, const Pose& T_W_C) {
+        T_W_C_ = T_W_C;
+        keep_visible();
+        if (static_cast<int>(tracks_.size()) < model_.fewest) extract();
+        observe(t);
+    }
+
+    SimulatedTracks take() { return std::move(result_); }
+
+ private:
+    std::optional<Eigen::Vector3d> surface_at(const Eigen::Vector2d& uv_px) const {
+        const auto ray = camera_.ray(uv_px);
+        if (!ray) return std::nullopt;
+        const Eigen::Vector3d origin = T_W_C_ * ray->origin;
+        const Eigen::Vector3d direction = T_W_C_.R * ray->direction;
+        const auto hit = scene_.cast(origin, direction);
+        if (!hit) return std::nullopt;
+        return Eigen::Vector3d(origin + hit->distance * direction);
+    }
+
+    /// Where a point is seen, nothing if outside the image or hidden.
+    std::optional<Eigen::Vector2d> seen(const Eigen::Vector3d& p_W) const {
+        const auto uv = camera_.project(T_W_C_.inverse() * p_W);
+        if (!uv || !camera_.inside_image(*uv, model_.border_px)) return std::nullopt;
+        const auto surface = surface_at(*uv);
+        const double tolerance = 1e-3 + 2e-3 * (p_W - T_W_C_.p).norm();
+        if (!surface || (*surface - p_W).norm() > tolerance) return std::nullopt;
+        return uv;
+    }
+
+    void keep_visible() {
+        std::erase_if(tracks_, [&](Track& track) {
+            const auto uv = seen(track.followed_W);
+            if (!uv || (model_.longest > 0 && track.images >= model_.longest)) return true;
+            if (model_.loss_rate > 0 && random_.uniform() < model_.loss_rate) return true;
+            track.uv_px = *uv;
+            return false;
+        });
+    }
+
+    void extract() {
+        const double w = camera_.width() - 1 - 2 * model_.border_px;
+        const double h = camera_.height() - 1 - 2 * model_.border_px;
+        const int attempts = 20 * model_.most;
+        for (int i = 0; i < attempts && static_cast<int>(tracks_.size()) < model_.most; ++i) {
+            const double u = random_.uniform(), v = random_.uniform();
+            const Eigen::Vector2d uv(model_.border_px + w * u, model_.border_px + h * v);
+            const bool crowded = std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& t) {
+                return (t.uv_px - uv).norm() < model_.spacing_px;
+            });
+            if (crowded) continue;
+            const auto point = surface_at(uv);
+            if (!point || !seen(*point)) continue;
+            Track track{next_id_++, *point};
+            track.uv_px = uv;
+            result_.points_W.emplace(track.id, *point);
+            tracks_.push_back(track);
+        }
+    }
+
+    void jump(Track& track) {
+        const Eigen::Vector2d uv = track.uv_px + model_.mistrack_px * random_.normal2();
+        const auto point = surface_at(uv);
+        if (!point || !seen(*point)) return;
+        track.followed_W = *point;
+        track.uv_px = uv;
+        result_.mistracked.push_back(track.id);
+    }
+
+    void observe(TimeNs t) {
+        FeatureFrame frame{t, {}};
+        for (Track& track : tracks_) {
+            const bool first = track.images == 0;
+            if (!first && model_.mistrack_rate > 0 && random_.uniform() < model_.mistrack_rate)
+                jump(track);
+            if (!first && model_.drift_px > 0)
+                track.drift_px += model_.drift_px * random_.normal2();
+            FeatureObservation observation;
+            observation.feature_id = track.id;
+            observation.uv_px = track.uv_px + track.drift_px + model_.noise_px * random_.normal2();
+            frame.features.push_back(observation);
+            ++track.images;
+        }
+        result_.frames.push_back(std::move(frame));
+    }
+
+    const Scene& scene_;
+    const Camera& camera_;
+    const TrackModel& model_;
+    Random& random_;
+    Pose T_W_C_;
+    std::vector<Track> tracks_;
+    FeatureId next_id_ = 0;
+    SimulatedTracks result_;
+};
+
+}  // namespace
+
+SimulatedTracks simulate_tracks(const Scene& scene, const Camera& camera,
+                                const std::vector<TimeNs>& times, const std::vector<Pose>& T_W_C,
+                                const TrackModel& model, Random& random) {
+    TrackSimulator simulator(scene, camera, model, random);
+    for (size_t i = 0; i < times.size(); ++i) simulator.advance(times[i], T_W_C[i]);
+    return simulator.take();
+}
+
+}  // namespace vio
