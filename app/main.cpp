@@ -1,1 +1,38 @@
-int main() { return 0; }
+// vio-slam: one program, one sub-command for each thing that users do.
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <string>
+
+#include "app/commands.h"
+#include "libvio/base/errors.h"
+
+namespace {
+
+// Exit codes: 0 done, 1 bad input or failed estimate, 2 wrong use of the command line.
+int report_error(const std::string& message, int exit_code) {
+    // Exceptions of other libraries go on with a call stack in further lines.
+    std::cerr << "vio-slam: error: " << message.substr(0, message.find('\n')) << std::endl;
+    return exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    CLI::App program{
+        "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
+    program.name("vio-slam");
+    program.set_version_flag("--version", "vio-slam " VIO_VERSION);
+    program.require_subcommand(1);
+    vio::app::add_info(program);
+    try {
+        program.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
+        return report_error(std::string(error.what()) + "; see vio-slam --help", 2);
+    } catch (const vio::InputError& error) {
+        return report_error(error.what(), 1);
+    } catch (const std::exception& error) {
+        return report_error(std::string("unexpected: ") + error.what(), 1);
+    }
+    return 0;
+}

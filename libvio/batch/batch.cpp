@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
@@ -85,6 +86,30 @@ void start_blind(Course& course, int images) {
     fix_gravity_norm(course);
 }
 
+// Points that most of their images disagree with have been trapped (on the wrong side of a camera,
+// or placed from poses that were wrong then): the robust loss would never let them go.
+void free_trapped_points(Course& course) {
+    const double limit2 = std::pow(course.options.loss_width * 2, 2);
+    const Objective objective(course.model, course.options, {});
+    for (size_t j = 0; j < course.model.points.size(); ++j) {
+        const Point& point = course.model.points[j];
+        const auto misfits = [&](const State& state) {
+            int count = 0;
+            for (int k = 0; k < point.observation_count; ++k)
+                count +=
+                    objective.observation_distance2(
+                        state, course.model.observations[point.first_observation + k]) > limit2;
+            return count;
+        };
+        const int before = misfits(course.state);
+        if (point.fiducial || 2 * before <= point.observation_count) continue;
+        const auto moved = triangulate_point(course.model, course.state, point);
+        if (!moved) continue;
+        const Eigen::Vector3d kept = std::exchange(course.state.points[j], *moved);
+        if (misfits(course.state) >= before) course.state.points[j] = kept;
+    }
+}
+
 // Grows the estimate from a prefix to all images, by a quarter at a time.
 void start_staged(Course& course) {
     const int all = static_cast<int>(course.problem.frames.size());
@@ -94,6 +119,7 @@ void start_staged(Course& course) {
     const bool free = course.options.gravity == "free";
     while (images < all) {
         minimize_stage(course, {free, course.options.loss}, {kIterationsPerStage, 1e-4});
+        free_trapped_points(course);
         images = std::min(all, std::max(images + 10, images * 5 / 4));
         Model longer = make_model(course.problem, course.options, images);
         course.state = continued_start(longer, course.model, course.state);
@@ -127,6 +153,8 @@ bool drop_outliers(Course& course) {
 void minimize_all(Course& course) {
     const Stage stage{course.options.gravity == "free", course.options.loss};
     const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
+    minimize_stage(course, stage, {limits.max_iterations, std::max(1e-4, limits.cost_tolerance)});
+    free_trapped_points(course);
     minimize_stage(course, stage, limits);
     if (drop_outliers(course)) minimize_stage(course, stage, limits);
 }

@@ -13,19 +13,55 @@
 namespace vio {
 
 struct IekfOptions {
-    std::string motion = "imu_driven";  ///< imu_driven | smooth (the paper's)
+    std::string motion = "imu_driven";      ///< imu_driven | smooth (the paper's)
+    std::string consistency = "invariant";  ///< invariant | none
+    std::string new_points = "clones";      ///< clones | paper
     double sigma_px = 1.0;
+    int max_iterations = 3;
+    double gate = 0.999;  ///< probability that a good innovation passes
+
     int prefix_images = 40;
+    double start_velocity_sigma = 0.5;  ///< [m/s]
+    double start_tilt_sigma = 0.1;      ///< [rad]
+
+    int clones = 11;
+    int max_landmarks = 50;
+    int lost_after = 3;            ///< images
+    double new_point_sigma = 0.1;  ///< relative to the distance
+    int max_window_points = 40;
+
+    double angular_rate_variance = 1e2;    ///< smooth [(rad/s)^2/s]
+    double acceleration_variance = 1e2;    ///< smooth [(m/s^2)^2/s]
+    double image_rotation_variance = 0.3;  ///< image-only [rad^2/s]
+    double image_position_variance = 0.3;  ///< image-only [m^2/s]
+
+    int min_features = 6;             ///< fewer used ones do not hold the motion
+    double lost_after_seconds = 0.5;  ///< [s]
+    double message_window = 0.1;      ///< [s]
 
     void describe(OptionSet& options);
 };
 
-/// Feed measurements in order of arrival; read the trajectory.
+/// Something that happened, worth telling.
+struct StatusEntry {
+    TimeNs t = 0;  ///< on the camera's clock
+    std::string text;
+};
+
+/// Feed measurements in any order within IekfOptions::message_window; read the trajectory.
+///
+/// The estimator starts by itself from the batch estimate of a prefix; if that fails or is too
+/// uncertain, status() tells the measured value and it tries again with later images.
 class Iekf {
-   public:
+ public:
+    /// Throws InputError if the rig has no camera.
     Iekf(const Rig& rig, const IekfOptions& options, const BatchOptions& prefix_options,
          bool use_imu = true);
     ~Iekf();
+
+    /// Starts from a known distribution instead of from a prefix. Before any measurement; those
+    /// before the state's time are ignored.
+    void start(const BatchTail& tail);
 
     void add(const ImuReading& reading);
     void add(const FeatureFrame& frame);
@@ -36,7 +72,9 @@ class Iekf {
     /// landmark that was ever in the state with its last estimate.
     const Estimate& estimate() const;
 
-   private:
+    const std::vector<StatusEntry>& status() const;
+
+ private:
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

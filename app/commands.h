@@ -1,0 +1,16 @@
+// The sub-commands of vio-slam. Each function declares one sub-command with its options; parsing
+// the command line runs it. Bad input throws InputError; reports go to standard output.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace vio::app {
+
+void add_run(CLI::App& program);
+void add_import(CLI::App& program);
+void add_simulate(CLI::App& program);
+void add_evaluate(CLI::App& program);
+void add_render(CLI::App& program);
+void add_info(CLI::App& program);
+
+}  // namespace vio::app

@@ -1,0 +1,107 @@
+// vio-slam info: what a rawlog holds and how its sensors are calibrated.
+#include <cstdio>
+#include <memory>
+
+#include "app/commands.h"
+#include "app/progress.h"
+#include "libvio/base/errors.h"
+#include "libvio/camera/perspective.h"
+#include "libvio/io/rawlog_info.h"
+#include "libvio/io/recording.h"
+
+namespace vio::app {
+namespace {
+
+struct Arguments {
+    std::string rawlog;
+    RecordingOptions recording;
+};
+
+void print(const StreamInfo& stream) {
+    std::printf("%-12s %-24s %7d", stream.label.empty() ? "(no label)" : stream.label.c_str(),
+                stream.class_name.c_str(), stream.count);
+    if (stream.count > 1) {
+        std::printf("  %8.2f Hz  %9.3f s", 1 / to_seconds(stream.median_interval),
+                    to_seconds(stream.last - stream.first));
+        std::printf("  largest gap %.4f s at %.6f s", to_seconds(stream.largest_gap),
+                    to_seconds(stream.largest_gap_at));
+    }
+    if (stream.backward_stamps > 0)
+        std::printf("  %d stamps do not increase", stream.backward_stamps);
+    std::printf("\n");
+}
+
+// A transformation that maps coordinates of the second frame to the first.
+void print(const char* name, const Pose& T) {
+    const Eigen::Quaterniond q(T.R);
+    std::printf("%-8s position %.6f %.6f %.6f m, quaternion x y z w %.6f %.6f %.6f %.6f\n", name,
+                T.p.x(), T.p.y(), T.p.z(), q.x(), q.y(), q.z(), q.w());
+}
+
+void print_camera(const Rig& rig) {
+    if (!rig.camera) {
+        std::printf("camera   none, or not calibrated\n");
+        return;
+    }
+    std::printf("camera   %s, %d x %d px", rig.camera->model_name().c_str(), rig.camera->width(),
+                rig.camera->height());
+    if (const auto* perspective = dynamic_cast<const PerspectiveCamera*>(rig.camera.get())) {
+        const PerspectiveParameters& p = perspective->parameters();
+        std::printf(", fx %.4f fy %.4f cx %.4f cy %.4f px, distortion k1 k2 p1 p2 k3 k4 k5 k6",
+                    p.fx, p.fy, p.cx, p.cy);
+        for (const double k : p.distortion) std::printf(" %g", k);
+    }
+    std::printf("\n");
+    print("T_B_C", rig.T_B_C);
+    print("T_C_B", rig.T_B_C.inverse());
+}
+
+void print_imu(const Rig& rig) {
+    const ImuNoise& noise = rig.imu_noise;
+    std::printf("IMU      gyro noise %g rad/s/sqrt(Hz), bias walk %g rad/s^2/sqrt(Hz)\n",
+                noise.gyro_noise_density, noise.gyro_bias_random_walk);
+    std::printf("         accelerometer noise %g m/s^2/sqrt(Hz), bias walk %g m/s^3/sqrt(Hz)\n",
+                noise.accel_noise_density, noise.accel_bias_random_walk);
+    print("T_B_I", rig.T_B_I);
+    print("T_I_B", rig.T_B_I.inverse());
+    if (rig.camera) {
+        print("T_I_C", rig.T_I_C());
+        print("T_C_I", rig.T_I_C().inverse());
+    }
+    std::printf("         t_imu = t_cam + %g s\n", rig.time_offset);
+}
+
+void run(const Arguments& arguments) {
+    RawlogInfo info;
+    {
+        Progress progress("reading");
+        info = read_rawlog_info(arguments.rawlog, [&](double share) { progress.update(share); });
+    }
+    std::printf("%s\n\nstreams (label, class, count, rate, duration)\n", arguments.rawlog.c_str());
+    for (const StreamInfo& stream : info.streams) print(stream);
+
+    std::printf("\ncalibration (B vehicle, C camera, I IMU; T_B_C maps C's coordinates to B)\n");
+    const Recording recording(arguments.rawlog, arguments.recording);
+    print_camera(recording.rig());
+    if (recording.has_imu()) print_imu(recording.rig());
+    std::fflush(stdout);
+    if (!info.damage.empty()) throw InputError(info.damage);
+}
+
+}  // namespace
+
+void add_info(CLI::App& program) {
+    CLI::App* command =
+        program.add_subcommand("info", "Streams, rates, gaps and calibration of a rawlog");
+    auto arguments = std::make_shared<Arguments>();
+    command->add_option("RAWLOG", arguments->rawlog, "MRPT rawlog")->required();
+    command->add_option("--calibration", arguments->recording.calibration_file,
+                        "Calibration that overrides the rawlog's (share/formats.md)");
+    command->add_option("--camera-label", arguments->recording.camera_label,
+                        "Camera to use; default: the first in the rawlog");
+    command->add_option("--imu-label", arguments->recording.imu_label,
+                        "IMU to use; default: the first in the rawlog");
+    command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace vio::app

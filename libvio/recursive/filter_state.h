@@ -1,0 +1,187 @@
+// State of the recursive estimator: mean and covariance behind a few verbs.
+//
+// The state is a core (the moving IMU frame I), a window of cloned earlier IMU poses, and
+// landmarks. Error order: core | clones | landmarks. Every error is plain: rotations perturbed on
+// the right, everything else added in its own frame.
+//
+// Consistency. Global position and rotation about gravity cannot be observed. A filter that
+// linearises at changing estimates gains spurious information about them. Here a correction acts as
+// in the right-invariant filter (Barrau and Bonnabel 2017): the errors that stay the same while the
+// mean moves are phi = R theta and, for every vector x of the world frame (position, velocity,
+// landmark, gravity), dx - phi x x. In plain coordinates the covariance is therefore carried from
+// the mean before a correction to the mean after it ("-" and "+") by
+//   theta+ = R+^T R- theta-,   dx+ = dx- + skew(x- - x+) R- theta-
+// where a clone's position goes with the clone's own rotation and everything else with the core's.
+// This maps the unobservable directions at one mean exactly to those at the other.
+#pragma once
+
+#include <Eigen/Dense>
+#include <functional>
+#include <vector>
+
+#include "libvio/base/estimate.h"
+#include "libvio/base/types.h"
+#include "libvio/geometry/pose.h"
+
+namespace vio {
+
+/// Which components the core has. Its error starts with those of StateIndex.
+enum class CoreKind : int {
+    pose = 6,       ///< rotation, position
+    inertial = 15,  ///< and velocity, gyro bias, accelerometer bias
+    smooth = 24     ///< and gravity, angular velocity, acceleration: Eq. (13)
+};
+
+/// Further components of the core's error, following those of StateIndex.
+enum CoreIndex : int { kGravity = 15, kAngularRate = 18, kAcceleration = 21 };
+
+inline constexpr int kMaxCore = 24;
+/// Sizes vary between models, storage does not.
+using CoreMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCore, kMaxCore>;
+using CoreVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCore, 1>;
+
+/// At most six measurements of the core at once.
+using CoreRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, kMaxCore>;
+using CoreResidual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+
+struct CoreState {
+    Pose T_W_I;
+    Eigen::Vector3d v_W = Eigen::Vector3d::Zero();         ///< of I's origin [m/s]
+    Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
+    Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
+    Eigen::Vector3d g_W = Eigen::Vector3d::Zero();         ///< [m/s^2]
+    Eigen::Vector3d omega_I = Eigen::Vector3d::Zero();     ///< angular velocity (smooth) [rad/s]
+    Eigen::Vector3d a_W = Eigen::Vector3d::Zero();         ///< acceleration (smooth) [m/s^2]
+};
+
+struct ClonedPose {
+    int image_idx = -1;  ///< of the image taken there; -1: the slot is free
+    Pose T_W_I;
+};
+
+struct LandmarkState {
+    FeatureId id = -1;
+    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();
+    int observations = 0;
+    int images_unseen = 0;  ///< consecutive, up to now
+    int rejections = 0;     ///< consecutive, up to now
+};
+
+/// Linearised measurement of one landmark from the core pose, scaled to unit noise:
+/// residual = J_rotation theta + J_position dp + J_landmark dl + noise.
+struct PointRows {
+    int landmark_idx = -1;
+    Eigen::Vector2d residual;
+    Matrix23d J_rotation, J_position, J_landmark;
+};
+
+class FilterState {
+ public:
+    /// covariance: of the core.
+    FilterState(CoreKind kind, const CoreState& mean, const CoreMatrix& covariance, bool invariant);
+
+    // ---- What is believed --------------------------------------------------------------------
+
+    int core_size() const { return core_size_; }
+    /// Core and clones: columns that a measurement from the window can touch.
+    int window_size() const { return core_size_ + 6 * static_cast<int>(clones_.size()); }
+    int size() const { return size_; }
+    const CoreState& core() const { return core_; }
+    const std::vector<ClonedPose>& clones() const { return clones_; }
+    const std::vector<LandmarkState>& landmarks() const { return landmarks_; }
+    int clone_offset(int slot) const { return core_size_ + 6 * slot; }
+    int landmark_offset(int idx) const { return window_size() + 3 * idx; }
+    /// Slot of the clone made at an image; -1 if there is none.
+    int find_clone(int image_idx) const;
+    /// Covariance of the core, always current.
+    CoreMatrix core_covariance() const { return P_.topLeftCorner(core_size_, core_size_); }
+    /// Whole covariance. Only after settle().
+    auto covariance() const { return P_.topLeftCorner(size_, size_); }
+
+    // ---- Verbs -------------------------------------------------------------------------------
+
+    /// The core moves: new mean, transition and noise. Costs nothing for clones and landmarks.
+    void propagate(const CoreState& mean, const CoreMatrix& transition, const CoreMatrix& noise);
+
+    /// Iterated update with a measurement of the core alone. Its effect on clones and landmarks
+    /// waits until settle() (compressed filter, Guivant and Nebot 2001).
+    /// linearise gives residual and Jacobian at a core: residual = H dx + unit noise.
+    using LineariseCore =
+        std::function<void(const CoreState& core, CoreRows* H, CoreResidual* residual)>;
+    void update_core(const LineariseCore& linearise, int iterations);
+
+    /// Carries what the core did since the last call over to clones and landmarks.
+    void settle();
+
+    /// Linearises the measurement at the mean moved by delta; residuals at that mean, Jacobians
+    /// with respect to the errors there.
+    using Linearise = std::function<void(const Eigen::VectorXd& delta, std::vector<PointRows>*)>;
+
+    /// Iterated update (Gelb 1974) with all landmarks seen in an image, Eq. (22). Returns the
+    /// number of iterations.
+    int update(const Linearise& linearise, int max_iterations);
+
+    /// Update with residual = H dx + unit noise; H has window_size() columns.
+    void update(const Eigen::MatrixXd& H, const Eigen::VectorXd& residual);
+
+    /// Covariance of a linear function of the window, H P H^T.
+    Eigen::MatrixXd projected_covariance(const Eigen::MatrixXd& H) const;
+
+    /// Adds k landmarks whose errors are G dx + noise: Eqs. (24), (25). G: 3k x window_size().
+    void augment(const std::vector<LandmarkState>& landmarks, const Eigen::MatrixXd& G,
+                 const Eigen::MatrixXd& noise);
+
+    /// Adds the current pose to the window.
+    void clone(int image_idx);
+    /// Forgets the clone in a slot.
+    void release_clone(int slot);
+    /// Forgets landmarks (marginalises them); remove[i] tells for landmark i.
+    void marginalise(const std::vector<bool>& remove);
+
+    /// Makes the core less certain, by variances for each of its components.
+    void inflate(const CoreVector& variances);
+
+    LandmarkState& landmark(int idx) { return landmarks_[idx]; }
+
+    // ---- For models --------------------------------------------------------------------------
+
+    /// Mean moved by an error vector (first entries of delta; the rest stays).
+    static CoreState moved(const CoreState& core, const Eigen::Ref<const Eigen::VectorXd>& delta);
+
+    /// Start with a given joint covariance of core and landmarks.
+    void start_landmarks(const std::vector<LandmarkState>& landmarks,
+                         const Eigen::MatrixXd& joint_covariance);
+
+ private:
+    Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
+    void reserve(int size);
+    void gain(const std::vector<PointRows>& rows);
+    void gain(const Eigen::MatrixXd& H);
+    void reduce_covariance();
+    void correct(const Eigen::VectorXd& delta);
+    void carry_covariance(const Eigen::VectorXd& delta, const Eigen::Matrix3d& R_before,
+                          const std::vector<Eigen::Matrix3d>& clone_R_before);
+    CoreMatrix core_carrier(const Eigen::Ref<const Eigen::VectorXd>& delta, const CoreState& before,
+                            const CoreState& after) const;
+
+    int core_size_, size_;
+    bool invariant_;
+    CoreState core_;
+    std::vector<ClonedPose> clones_;
+    std::vector<LandmarkState> landmarks_;
+    Eigen::MatrixXd P_;  // capacity; the covariance is its top left corner
+
+    // What waits for clones and landmarks r since settle(), in terms of P_cr then:
+    // P_cr = transition P_cr,  P_rr -= P_rc information P_cr,  x_r += P_rc vector.
+    struct {
+        bool any = false, measured = false;
+        CoreMatrix transition, information;
+        CoreVector vector;
+    } waiting_;
+
+    // Work space of updates: P H^T, its innovation covariance and factor, and L^-1 H P.
+    Eigen::MatrixXd PHt_, S_, W_;
+    Eigen::LLT<Eigen::MatrixXd> llt_;
+};
+
+}  // namespace vio

@@ -1,0 +1,450 @@
+#include "libvio/recursive/iekf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "libvio/recursive/body_frame.h"
+#include "libvio/recursive/landmark_update.h"
+#include "libvio/recursive/message_queue.h"
+#include "libvio/recursive/motion.h"
+#include "libvio/recursive/prefix.h"
+#include "libvio/recursive/window.h"
+
+namespace vio {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr int kMaxRejections = 3;       // consecutive, then a landmark is given up
+constexpr int kMaxBadImages = 3;        // consecutive, then all landmarks are
+constexpr double kBadShare = 0.5;       // of an image's landmarks passing the gate
+constexpr double kLongestBridge = 0.1;  // [s] without readings that is not worth a word
+// What is added to the core's uncertainty when most landmarks contradict it.
+constexpr double kDoubtRotation = 0.02, kDoubtPosition = 0.05, kDoubtVelocity = 0.2;
+
+ImuReading between(const ImuReading& a, const ImuReading& b, TimeNs t) {
+    if (b.t <= a.t) return {t, a.gyro, a.accel};
+    const double s = static_cast<double>(t - a.t) / static_cast<double>(b.t - a.t);
+    return {t, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
+}
+
+std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& options, bool use_imu) {
+    const SmoothnessVariances variances{
+        options.angular_rate_variance, options.acceleration_variance,
+        options.image_rotation_variance, options.image_position_variance};
+    constexpr double kGravitySigma = 0.02;  // [m/s^2], over the Earth and its local anomalies
+    if (!use_imu) return make_image_only_motion(variances);
+    if (options.motion == "smooth")
+        return make_smooth_motion(rig.imu_noise, variances, kGravitySigma);
+    return make_imu_driven_motion(rig.imu_noise);
+}
+
+WindowOptions window_options(const Rig& rig, const IekfOptions& options) {
+    WindowOptions window;
+    window.cameras_exact = options.new_points == "paper";
+    window.max_landmarks = options.max_landmarks;
+    window.max_points = options.max_window_points;
+    window.new_point_sigma = options.new_point_sigma;
+    window.gate = options.gate;
+    window.angular_sigma = options.sigma_px * rig.camera->angular_resolution();
+    return window;
+}
+
+Rig checked(Rig rig) {
+    if (!rig.camera)
+        throw InputError("recursive estimator: the rig has no camera; give a camera calibration");
+    if (!std::isfinite(rig.time_offset)) rig.time_offset = 0;
+    return rig;
+}
+
+}  // namespace
+
+struct Iekf::Impl {
+    Impl(const Rig& r, const IekfOptions& o, const BatchOptions& batch, bool imu)
+        : rig(checked(r)),
+          options(o),
+          use_imu(imu),
+          T_I_C(rig.T_I_C()),
+          T_C_I(T_I_C.inverse()),
+          queue(from_seconds(o.message_window), imu),
+          prefix(rig, o, batch, imu),
+          motion(make_motion(rig, o, imu)),
+          window(window_options(rig, o), rig.camera, T_I_C),
+          landmark_gate(chi_square_quantile(2, o.gate)) {}
+
+    // ---- The course ----------------------------------------------------------------------------
+
+    void take_messages(bool at_end);
+    void take(const ImuReading& reading);
+    void take(const TimedFrame& image);
+
+    void process_image(const TimedFrame& image) {
+        move_to(image.t_imu);
+        sort_features(image.frame);
+        update_known_points();
+        drop_lost_points();
+        use_window_points();
+        judge(image.frame.t);
+        remember_pose();
+        report(image.frame.t);
+    }
+
+    // ---- Steps ---------------------------------------------------------------------------------
+
+    TimeNs given_time() const;
+    void begin_given(const ImuReading& next);
+    void try_prefix(const TimedFrame& image);
+    void begin(const BatchTail& tail, const ImuReading& at);
+    void begin_landmarks(const BatchTail& tail, const MatrixXd& joint);
+    void move_to(TimeNs t_imu);
+    void sort_features(const FeatureFrame& frame);
+    void update_known_points();
+    void drop_lost_points();
+    void use_window_points();
+    void judge(TimeNs t);
+    void remember_pose();
+    void report(TimeNs t);
+    void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
+    TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
+
+    Rig rig;
+    IekfOptions options;
+    bool use_imu;
+    Pose T_I_C, T_C_I;
+    MessageQueue queue;
+    Prefix prefix;
+    std::unique_ptr<MotionModel> motion;
+    Window window;
+    double landmark_gate;
+
+    std::optional<FilterState> state;      // once started
+    std::optional<BatchTail> given_start;  // until readings reach it
+    std::optional<ImuReading> last_reading;
+    ImuReading now;  // of the state's time
+    TimeNs started_at = 0;
+    int image_idx = 0;
+
+    // Of the image in work.
+    std::vector<LandmarkSight> known;
+    int used = 0;
+    bool contradicted = false;
+
+    // Health.
+    int bad_images = 0;
+    TimeNs last_good = 0;
+    bool lost = false;
+
+    Estimate result;
+    std::map<FeatureId, LandmarkEstimate> landmark_estimates;
+    std::vector<StatusEntry> status;
+};
+
+void Iekf::Impl::take_messages(bool at_end) {
+    while (const auto message = queue.pop(at_end))
+        std::visit([this](const auto& m) { take(m); }, *message);
+}
+
+void Iekf::Impl::take(const ImuReading& reading) {
+    if (!use_imu) return;
+    if (!state && given_start && reading.t >= given_time()) begin_given(reading);
+    if (state) {
+        motion->advance(*state, now, reading);
+        const TimeNs since = last_reading ? last_reading->t : now.t;
+        motion->measure(*state, reading, to_seconds(reading.t - since));
+        now = reading;
+    } else if (!given_start) {
+        prefix.add(reading);
+    }
+    last_reading = reading;
+}
+
+void Iekf::Impl::take(const TimedFrame& image) {
+    if (!state && given_start && image.t_imu > given_time())
+        begin_given(use_imu && queue.next_reading() ? *queue.next_reading() : ImuReading{});
+    if (state && image.t_imu > started_at) process_image(image);
+    if (!state && !given_start) try_prefix(image);
+}
+
+// ---- Start ------------------------------------------------------------------------------------
+
+TimeNs Iekf::Impl::given_time() const {
+    return given_start->state.t + from_seconds(rig.time_offset);
+}
+
+void Iekf::Impl::begin_given(const ImuReading& next) {
+    begin(*given_start, between(last_reading.value_or(next), next, given_time()));
+}
+
+void Iekf::Impl::try_prefix(const TimedFrame& image) {
+    prefix.add(image.frame);
+    if (!prefix.ready()) return;
+    const ImuReading* next = queue.next_reading();
+    const auto start = prefix.attempt(next);
+    if (!start) {
+        log(image.frame.t, "not started: " + prefix.why());
+        return;
+    }
+    prefix.clear();
+    ImuReading at{image.t_imu, Vector3d::Zero(), Vector3d::Zero()};
+    if (last_reading) at = between(*last_reading, next ? *next : *last_reading, image.t_imu);
+    result.states.insert(result.states.end(), start->states.begin(), start->states.end());
+    begin(start->tail, at);
+    log(image.frame.t, "started from a prefix of " + std::to_string(start->states.size()) +
+                           " images with " + std::to_string(start->tail.landmarks.size()) +
+                           " points");
+}
+
+void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
+    now = at;
+    started_at = at.t;
+    last_good = tail.state.t;
+    const Vector3d omega_I =
+        use_imu ? Vector3d(at.gyro - tail.state.gyro_bias) : Vector3d(Vector3d::Zero());
+    CoreState core = imu_state(tail.state, rig.T_B_I, omega_I);
+    core.g_W = tail.g_W;
+    result.g_W = tail.g_W;
+    result.has_scale = use_imu;
+
+    // Covariance of the body's errors to that of the IMU's.
+    Matrix15d J;
+    body_state(core, rig.T_B_I.inverse(), omega_I, &J);
+    const Eigen::Index points = tail.covariance.rows() - 15;
+    MatrixXd joint = tail.covariance;
+    const Matrix15d J_inverse = J.inverse();
+    joint.topRows<15>() = (J_inverse * joint.topRows<15>()).eval();
+    joint.leftCols<15>() = (joint.leftCols<15>() * J_inverse.transpose()).eval();
+
+    CoreMatrix lift;
+    state.emplace(motion->start(core, joint.topLeftCorner<15, 15>(), at,
+                                options.consistency == "invariant", &lift));
+    const CoreMatrix P_core = state->core_covariance();
+    MatrixXd lifted(P_core.rows() + points, P_core.rows() + points);
+    lifted.topLeftCorner(P_core.rows(), P_core.rows()) = P_core;
+    lifted.topRightCorner(P_core.rows(), points) = lift * joint.topRightCorner(15, points);
+    lifted.bottomLeftCorner(points, P_core.rows()) =
+        lifted.topRightCorner(P_core.rows(), points).transpose();
+    lifted.bottomRightCorner(points, points) = joint.bottomRightCorner(points, points);
+    begin_landmarks(tail, lifted);
+    remember_pose();
+}
+
+// Of the prefix's points the most precise ones become landmarks, as many as there is room for.
+void Iekf::Impl::begin_landmarks(const BatchTail& tail, const MatrixXd& joint) {
+    const Vector3d camera = state->core().T_W_I * T_I_C.p;
+    const int core_size = state->core_size();
+    std::vector<LandmarkState> landmarks;
+    std::vector<double> sigma;
+    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
+        const LandmarkEstimate& from = tail.landmarks[i];
+        LandmarkState landmark;
+        landmark.id = from.id;
+        landmark.p_W = from.p_W;
+        landmark.observations = from.observations;
+        landmarks.push_back(landmark);
+        // Relative to the camera: the errors they share do not matter.
+        const Eigen::Index at = core_size + 3 * static_cast<Eigen::Index>(i);
+        Eigen::Matrix3d P = joint.block<3, 3>(at, at) + joint.block<3, 3>(kPosition, kPosition);
+        P -= joint.block<3, 3>(at, kPosition) + joint.block<3, 3>(kPosition, at);
+        sigma.push_back(std::sqrt(std::max(0.0, P.trace())) / (from.p_W - camera).norm());
+    }
+    std::vector<std::size_t> order(landmarks.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return sigma[a] < sigma[b]; });
+    std::vector<bool> remove(landmarks.size(), true);
+    for (std::size_t rank = 0; rank < order.size(); ++rank)
+        if (static_cast<int>(rank) < options.max_landmarks &&
+            sigma[order[rank]] < 2 * options.new_point_sigma)
+            remove[order[rank]] = false;
+    state->start_landmarks(landmarks, joint);
+    state->marginalise(remove);
+}
+
+// ---- Steps ------------------------------------------------------------------------------------
+
+void Iekf::Impl::move_to(TimeNs t_imu) {
+    ImuReading at{t_imu, now.gyro, now.accel};
+    if (use_imu && queue.next_reading()) {
+        at = between(now, *queue.next_reading(), t_imu);
+    } else if (use_imu && to_seconds(t_imu - now.t) > kLongestBridge) {
+        log(camera_time(t_imu),
+            "no inertial readings for " + std::to_string(to_seconds(t_imu - now.t)) + " s");
+    }
+    motion->advance(*state, now, at);
+    now = at;
+    state->settle();
+    ++image_idx;
+}
+
+void Iekf::Impl::sort_features(const FeatureFrame& frame) {
+    std::map<FeatureId, int> landmark_of;
+    for (int i = 0; i < static_cast<int>(state->landmarks().size()); ++i) {
+        landmark_of[state->landmarks()[i].id] = i;
+        ++state->landmark(i).images_unseen;
+    }
+    known.clear();
+    for (const FeatureObservation& feature : frame.features) {
+        const auto sight = make_sight(feature, options.sigma_px);
+        if (!sight) continue;
+        const auto landmark = landmark_of.find(feature.feature_id);
+        if (landmark == landmark_of.end()) {
+            window.observe(feature.feature_id, image_idx, *sight);
+        } else {
+            state->landmark(landmark->second).images_unseen = 0;
+            known.push_back({landmark->second, *sight});
+        }
+    }
+}
+
+void Iekf::Impl::update_known_points() {
+    const auto gated = [&] {
+        return gated_sights(*state, known, *rig.camera, T_C_I, landmark_gate);
+    };
+    std::vector<LandmarkSight> passed = gated();
+    const auto too_few = [&] {
+        return static_cast<int>(known.size()) >= options.min_features &&
+               static_cast<double>(passed.size()) < kBadShare * static_cast<double>(known.size());
+    };
+    contradicted = too_few();
+    if (contradicted) {  // perhaps the prediction is to blame: believe it less
+        CoreVector doubt = CoreVector::Zero(state->core_size());
+        doubt.segment<3>(kRotation).setConstant(kDoubtRotation * kDoubtRotation);
+        doubt.segment<3>(kPosition).setConstant(kDoubtPosition * kDoubtPosition);
+        if (state->core_size() > kVelocity)
+            doubt.segment<3>(kVelocity).setConstant(kDoubtVelocity * kDoubtVelocity);
+        state->inflate(doubt);
+        passed = gated();
+        if (too_few()) passed.clear();
+    }
+    std::set<int> passed_idx;
+    for (const LandmarkSight& s : passed) passed_idx.insert(s.landmark_idx);
+    for (const LandmarkSight& s : known) {
+        LandmarkState& landmark = state->landmark(s.landmark_idx);
+        const bool good = passed_idx.count(s.landmark_idx) > 0;
+        landmark.rejections = good ? 0 : landmark.rejections + 1;
+        landmark.observations += good;
+    }
+    if (!passed.empty())
+        update_landmarks(*state, passed, *rig.camera, T_C_I, options.max_iterations);
+    used = static_cast<int>(passed.size());
+}
+
+void Iekf::Impl::drop_lost_points() {
+    std::vector<bool> remove;
+    for (const LandmarkState& landmark : state->landmarks())
+        remove.push_back(landmark.images_unseen > options.lost_after ||
+                         landmark.rejections >= kMaxRejections);
+    state->marginalise(remove);
+}
+
+void Iekf::Impl::use_window_points() {
+    int oldest = -1, alive = 0;
+    for (const ClonedPose& clone : state->clones()) {
+        if (clone.image_idx < 0) continue;
+        ++alive;
+        if (oldest < 0 || clone.image_idx < oldest) oldest = clone.image_idx;
+    }
+    const bool full = alive >= options.clones;
+    const Window::Outcome outcome = window.use(*state, image_idx, full ? oldest : -1);
+    used += outcome.used;
+    if (full) {
+        window.forget_image(oldest);
+        state->release_clone(state->find_clone(oldest));
+    }
+}
+
+void Iekf::Impl::judge(TimeNs t) {
+    bad_images = contradicted && used < options.min_features ? bad_images + 1 : 0;
+    if (bad_images == 1) log(t, "most points contradict the state; coasting");
+    if (bad_images == kMaxBadImages) {
+        log(t, "points given up");
+        state->marginalise(std::vector<bool>(state->landmarks().size(), true));
+        window.clear();
+    }
+    if (used >= options.min_features) last_good = t;
+    const bool now_lost = to_seconds(t - last_good) > options.lost_after_seconds;
+    if (now_lost != lost)
+        log(t, now_lost
+                   ? "tracking lost: fewer than " + std::to_string(options.min_features) +
+                         " points used for " + std::to_string(options.lost_after_seconds) + " s"
+                   : "tracking found again");
+    lost = now_lost;
+}
+
+void Iekf::Impl::remember_pose() {
+    state->clone(image_idx);
+}
+
+void Iekf::Impl::report(TimeNs t) {
+    const Vector3d omega_I = !use_imu ? Vector3d(Vector3d::Zero())
+                             : state->core_size() == static_cast<int>(CoreKind::smooth)
+                                 ? state->core().omega_I
+                                 : Vector3d(now.gyro - state->core().gyro_bias);
+    Matrix15d J;
+    StateEstimate out = body_state(state->core(), rig.T_B_I.inverse(), omega_I, &J);
+    out.t = t;
+    const int c = std::min(15, state->core_size());
+    out.covariance.topLeftCorner(c, c) = state->core_covariance().topLeftCorner(c, c);
+    out.covariance = (J * out.covariance * J.transpose()).eval();
+    out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+    out.lost = lost;
+    out.features = used;
+    result.states.push_back(out);
+
+    for (int i = 0; i < static_cast<int>(state->landmarks().size()); ++i) {
+        const LandmarkState& landmark = state->landmarks()[i];
+        const int at = state->landmark_offset(i);
+        landmark_estimates[landmark.id] = {landmark.id, landmark.p_W,
+                                           state->covariance().block<3, 3>(at, at),
+                                           landmark.observations};
+    }
+}
+
+// ---- Public face ------------------------------------------------------------------------------
+
+Iekf::Iekf(const Rig& rig, const IekfOptions& options, const BatchOptions& prefix_options,
+           bool use_imu)
+    : impl_(std::make_unique<Impl>(rig, options, prefix_options, use_imu)) {}
+
+Iekf::~Iekf() = default;
+
+void Iekf::start(const BatchTail& tail) {
+    impl_->given_start = tail;
+}
+
+void Iekf::add(const ImuReading& reading) {
+    impl_->queue.add(reading);
+    impl_->take_messages(false);
+}
+
+void Iekf::add(const FeatureFrame& frame) {
+    impl_->queue.add(TimedFrame{frame.t + from_seconds(impl_->rig.time_offset), frame});
+    impl_->take_messages(false);
+}
+
+void Iekf::finish() {
+    impl_->take_messages(true);
+    if (impl_->queue.dropped() > 0)
+        impl_->log(impl_->camera_time(impl_->now.t),
+                   std::to_string(impl_->queue.dropped()) +
+                       " measurements came too late or twice and were dropped");
+}
+
+const Estimate& Iekf::estimate() const {
+    Estimate& result = impl_->result;
+    result.landmarks.clear();
+    for (const auto& [id, landmark] : impl_->landmark_estimates)
+        result.landmarks.push_back(landmark);
+    return result;
+}
+
+const std::vector<StatusEntry>& Iekf::status() const {
+    return impl_->status;
+}
+
+}  // namespace vio

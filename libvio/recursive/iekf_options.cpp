@@ -1,0 +1,49 @@
+#include "libvio/recursive/iekf.h"
+
+namespace vio {
+
+void IekfOptions::describe(OptionSet& options) {
+    options.section("iekf");
+    options.add("motion", &motion, {"imu_driven", "smooth"},
+                "what moves the state between images: inertial readings, or the assumption of "
+                "smooth motion with readings as measurements");
+    options.add("consistency", &consistency, {"invariant", "none"},
+                "how global position and yaw are kept from being observed");
+    options.add("new_points", &new_points, {"clones", "paper"},
+                "uncertainty of new points: from all recent cameras, or from the newest alone");
+    options.add("sigma_px", &sigma_px, "px", {1e-3, 100},
+                "standard deviation of a feature's position");
+    options.add("max_iterations", &max_iterations, "", {1, 20}, "iterations of an image update");
+    options.add("gate", &gate, "", {0.5, 0.999999},
+                "probability that a correct feature passes the innovation gate");
+    options.add("prefix_images", &prefix_images, "images", {3, 1000},
+                "images of the batch estimate that starts the filter");
+    options.add("start_velocity_sigma", &start_velocity_sigma, "m/s", {1e-3, 100},
+                "largest uncertainty of velocity to start with");
+    options.add("start_tilt_sigma", &start_tilt_sigma, "rad", {1e-4, 1},
+                "largest uncertainty of the direction of gravity to start with");
+    options.add("clones", &clones, "images", {3, 60}, "earlier poses kept in the state");
+    options.add("max_landmarks", &max_landmarks, "", {0, 1000}, "points kept in the state");
+    options.add("lost_after", &lost_after, "images", {0, 1000},
+                "a point leaves the state after so many images without it");
+    options.add("new_point_sigma", &new_point_sigma, "", {1e-3, 1},
+                "a point enters the state when its standard deviation relative to the newest "
+                "camera, divided by its distance, is below this");
+    options.add("max_window_points", &max_window_points, "", {1, 1000},
+                "points outside the state used at one image");
+    options.add("angular_rate_variance", &angular_rate_variance, "(rad/s)^2/s", {1e-9, 1e15},
+                "smooth motion: random walk of angular velocity");
+    options.add("acceleration_variance", &acceleration_variance, "(m/s^2)^2/s", {1e-9, 1e15},
+                "smooth motion: random walk of acceleration");
+    options.add("image_rotation_variance", &image_rotation_variance, "rad^2/s", {1e-9, 1e6},
+                "image-only: random walk of rotation");
+    options.add("image_position_variance", &image_position_variance, "m^2/s", {1e-9, 1e6},
+                "image-only: random walk of position");
+    options.add("min_features", &min_features, "", {1, 1000},
+                "with fewer features used for a while, tracking counts as lost");
+    options.add("lost_after_seconds", &lost_after_seconds, "s", {0, 60}, "that while");
+    options.add("message_window", &message_window, "s", {0, 10},
+                "measurements may come late by this much");
+}
+
+}  // namespace vio

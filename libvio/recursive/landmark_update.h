@@ -1,0 +1,25 @@
+// Update with the landmarks of the state that an image shows, Eq. (22).
+#pragma once
+
+#include <vector>
+
+#include "libvio/recursive/filter_state.h"
+#include "libvio/recursive/observation.h"
+
+namespace vio {
+
+struct LandmarkSight {
+    int landmark_idx = -1;
+    Sight sight;
+};
+
+/// Sights whose innovation's squared Mahalanobis distance is below the gate at the present mean.
+std::vector<LandmarkSight> gated_sights(const FilterState& state,
+                                        const std::vector<LandmarkSight>& sights,
+                                        const Camera& camera, const Pose& T_C_I, double gate);
+
+/// Iterated update with all sights jointly.
+void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
+                      const Camera& camera, const Pose& T_C_I, int max_iterations);
+
+}  // namespace vio

@@ -1,0 +1,48 @@
+// Start from the batch estimate of the first images, section 5.2.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "libvio/batch/batch.h"
+#include "libvio/recursive/iekf.h"
+
+namespace vio {
+
+class Prefix {
+ public:
+    Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu);
+
+    void add(const ImuReading& reading);
+    void add(const FeatureFrame& frame);
+
+    /// True when enough images have come since the last attempt.
+    bool ready() const;
+
+    struct Start {
+        std::vector<StateEstimate> states;
+        BatchTail tail;
+    };
+    /// Start at the last image; nothing if it cannot be trusted, with the reason in why().
+    /// next: the first reading at or after the last image, if there is one yet.
+    std::optional<Start> attempt(const ImuReading* next);
+    const std::string& why() const { return why_; }
+
+    /// Empties the buffers.
+    void clear();
+
+ private:
+    std::optional<Start> fail(std::string why);
+
+    Rig rig_;
+    IekfOptions options_;
+    BatchOptions batch_;
+    bool use_imu_;
+    std::deque<FeatureFrame> frames_;
+    std::deque<ImuReading> readings_;
+    int next_attempt_;
+    std::string why_;
+};
+
+}  // namespace vio
