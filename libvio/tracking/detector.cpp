@@ -9,7 +9,6 @@ namespace vio {
 namespace {
 
 constexpr int kBlock = 5;                  // window of the structure tensor, in half-size pixels
-constexpr int kSubPixelWindow = 4;         // half side [px]
 constexpr float kWeakestResponse = 2e-5F;  // below it, sensor noise makes corners too
 
 struct Corner {
@@ -78,32 +77,16 @@ cv::Mat allowed_region(cv::Size size, const cv::Mat& mask, double border_px) {
     return allowed;
 }
 
-void refine(const cv::Mat& image, const cv::Mat& mask, std::vector<Eigen::Vector2d>& corners) {
-    if (corners.empty()) return;
-    std::vector<cv::Point2f> points;
-    for (const auto& uv : corners)
-        points.emplace_back(static_cast<float>(uv.x()), static_cast<float>(uv.y()));
-    cv::cornerSubPix(image, points, {kSubPixelWindow, kSubPixelWindow}, {-1, -1},
-                     {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 10, 0.02});
-    for (std::size_t i = 0; i < corners.size(); ++i) {
-        const int x = static_cast<int>(std::lround(points[i].x));
-        const int y = static_cast<int>(std::lround(points[i].y));
-        const bool inside = x >= 0 && y >= 0 && x < image.cols && y < image.rows;
-        if (inside && (mask.empty() || mask.at<unsigned char>(y, x)))
-            corners[i] = {points[i].x, points[i].y};
-    }
-}
-
 }  // namespace
 
-std::vector<Eigen::Vector2d> detect_features(const cv::Mat& image, const cv::Mat& half,
+std::vector<Eigen::Vector2d> detect_features(const cv::Mat& half,
                                              const std::vector<Eigen::Vector2d>& existing,
                                              const cv::Mat& mask, int wanted, int max_features,
                                              const DetectorOptions& options) {
     std::vector<Eigen::Vector2d> found;
     if (wanted <= 0) return found;
     cv::Mat allowed = allowed_region(half.size(), mask, options.border_px);
-    Grid grid(image.size(), max_features);
+    Grid grid({2 * half.cols, 2 * half.rows}, max_features);
     const int radius = std::max(1, static_cast<int>(std::lround(options.min_distance_px / 2)));
     const auto take = [&](const Eigen::Vector2d& uv) {
         const Eigen::Vector2d place = 0.5 * uv;
@@ -127,7 +110,6 @@ std::vector<Eigen::Vector2d> detect_features(const cv::Mat& image, const cv::Mat
             found.push_back(uv);
             take(uv);
         }
-    refine(image, mask, found);
     return found;
 }
 

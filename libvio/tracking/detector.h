@@ -13,11 +13,13 @@ struct DetectorOptions {
     double quality = 0.01;        ///< weakest corner, as a share of the strongest [-]
 };
 
-/// Up to `wanted` corners (Shi and Tomasi's, to sub-pixel), strongest first, that keep their
+/// Up to `wanted` corners (Shi and Tomasi's), strongest first, that keep their
 /// distance from `existing` and from each other and lie where the mask (8-bit, empty for none) is
 /// not zero. Cells of a grid of `max_features` cells that hold no feature are served first.
-/// image: 8-bit grey; half: the same at half size (each pixel the mean around 2x, 2y).
-std::vector<Eigen::Vector2d> detect_features(const cv::Mat& image, const cv::Mat& half,
+/// half: the image at half size, 8-bit grey (each pixel the mean around 2x, 2y). Places are given
+/// in the image, to two pixels: the place of first sight defines the feature, and moving it to the
+/// corner's sub-pixel centre made tracks neither longer nor more exact.
+std::vector<Eigen::Vector2d> detect_features(const cv::Mat& half,
                                              const std::vector<Eigen::Vector2d>& existing,
                                              const cv::Mat& mask, int wanted, int max_features,
                                              const DetectorOptions& options);

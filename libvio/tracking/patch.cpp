@@ -13,7 +13,7 @@ constexpr double kWeakestGradient = 4;  // rms gradient [grey/px] along the weak
 constexpr double kLargestAxisRatio = 4;
 // Weight of staying with the affine shape of the previous image, relative to the texture: the shape
 // changes slowly, and a free shape lets noise in.
-constexpr double kShapeInertia = 0.1;
+constexpr double kShapeInertia = 3;
 
 // Bilinear samples at uv + A (i, j), row by row. False if any lies outside the image.
 bool sample(const cv::Mat& image, const Eigen::Vector2d& uv, const Eigen::Matrix2d& A, int half,

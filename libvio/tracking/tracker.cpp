@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <deque>
 #include <map>
 #include <opencv2/imgproc.hpp>
@@ -24,6 +25,7 @@ using Eigen::Vector3d;
 
 constexpr double kBorder_px = 10;        // new features keep away from the edge by this much
 constexpr double kBlankDeviation = 2.5;  // standard deviation of grey values of a blank image
+constexpr double kBrightnessForgetting = 0.05, kMostGain = 4, kLeastGainChange = 0.02;
 // Share of the rotation error seen at one image that is taken over as the gyro's.
 constexpr double kRotationRateGain = 0.1;
 
@@ -114,7 +116,8 @@ struct FeatureTracker::Impl {
     TimeNs last_tracked = 0;
     std::optional<Matrix3d> R_since_tracked = Matrix3d::Identity();  // over blank images
     Vector3d rotation_rate_error =
-        Vector3d::Zero();  // of the given rotations, camera frame [rad/s]
+        Vector3d::Zero();         // of the given rotations, camera frame [rad/s]
+    double usual_brightness = 0;  // mean grey value, slow average
     FeatureId next_id = 0;
 
     FeatureFrame track(TimeNs t, const cv::Mat& image, const std::optional<Matrix3d>& R_given);
@@ -123,7 +126,7 @@ struct FeatureTracker::Impl {
     void build_pyramid(const cv::Mat& image);
     std::vector<Vector2d> predict(const std::optional<Matrix3d>& R) const;
     void flow(const std::vector<Vector2d>& predicted);
-    void realign(const std::optional<Matrix3d>& R);
+    void realign();
     std::optional<Matrix3d> verify(TimeNs t, const std::optional<Matrix3d>& R);
     void verify_long(const std::optional<Matrix3d>& R);
     std::optional<TwoViewMotion> check_against(const PastView& view,
@@ -148,7 +151,7 @@ FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
     if (report.blank) return {t, {}};
     flow(predict(R));
     watch.lap(report.seconds_flow);
-    realign(R);
+    realign();
     watch.lap(report.seconds_realign);
     R = verify(t, R);
     verify_long(R);
@@ -189,9 +192,15 @@ void FeatureTracker::Impl::build_pyramid(const cv::Mat& image) {
     cv::meanStdDev(image, mean, deviation);
     report.blank = deviation[0] < kBlankDeviation;
     if (report.blank) return;
+    // Exposure is a gain, which Lucas and Kanade's method takes for motion: undo it.
+    usual_brightness +=
+        (usual_brightness > 0 ? kBrightnessForgetting : 1.0) * (mean[0] - usual_brightness);
+    const double gain = std::clamp(usual_brightness / mean[0], 1 / kMostGain, kMostGain);
+    cv::Mat even = image;
+    if (std::abs(gain - 1) > kLeastGainChange) image.convertTo(even, CV_8U, gain);
     std::swap(pyramid, previous_pyramid);
     // With a copy of the image: the caller may reuse his.
-    cv::buildOpticalFlowPyramid(image, pyramid, {options.window_px, options.window_px},
+    cv::buildOpticalFlowPyramid(even, pyramid, {options.window_px, options.window_px},
                                 options.pyramid_levels, true, cv::BORDER_REFLECT_101,
                                 cv::BORDER_CONSTANT, false);
 }
@@ -239,8 +248,7 @@ void FeatureTracker::Impl::flow(const std::vector<Vector2d>& predicted) {
 }
 
 // Frame-to-frame tracking drifts; the first appearance does not.
-void FeatureTracker::Impl::realign(const std::optional<Matrix3d>& R) {
-    static_cast<void>(R);
+void FeatureTracker::Impl::realign() {
     if (options.realign)
         report.lost_look = keep_if([&](Track& track) {
             const auto aligned = track.look->align(pyramid[0], track.uv, track.A);
@@ -315,8 +323,8 @@ void FeatureTracker::Impl::detect() {
     std::vector<Vector2d> existing;
     for (const Track& track : tracks) existing.push_back(track.uv);
     const DetectorOptions detector{options.min_distance_px, kBorder_px, options.corner_quality};
-    for (const Vector2d& uv : detect_features(pyramid[0], pyramid[2], existing, mask, wanted,
-                                              options.max_features, detector)) {
+    for (const Vector2d& uv :
+         detect_features(pyramid[2], existing, mask, wanted, options.max_features, detector)) {
         const auto ray = camera->ray(uv);
         auto look = Patch::cut(pyramid[0], uv);
         if (!ray || !look) continue;

@@ -16,10 +16,10 @@ struct TrackerOptions {
     int max_features = 150;
     double min_distance_px = 15;    ///< between newly found features and all others
     double corner_quality = 0.01;   ///< weakest corner, as a share of the image's strongest [-]
-    int window_px = 21;             ///< side of the window of Lucas and Kanade's method
+    int window_px = 15;             ///< side of the window of Lucas and Kanade's method
     int pyramid_levels = 3;         ///< halvings of the image
     double round_trip_px = 1.0;     ///< largest error of tracking forward and back
-    double epipolar_px = 1.5;       ///< largest error in the geometry of two images
+    double epipolar_px = 1.2;       ///< largest error in the geometry of two images
     int long_gap = 10;              ///< images between those of the second geometric check; 0: off
     bool realign = true;            ///< align with the first appearance
     double min_correlation = 0.75;  ///< with the first appearance [-]

@@ -1,0 +1,333 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <set>
+
+#include "libvio/base/errors.h"
+#include "libvio/camera/perspective.h"
+#include "libvio/geometry/so3.h"
+#include "libvio/tracking/front_end.h"
+#include "libvio/tracking/gyro_prediction.h"
+#include "libvio/tracking/patch.h"
+#include "libvio/tracking/tracker.h"
+#include "libvio/tracking/two_view.h"
+
+namespace vio {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kWidth = 480, kHeight = 320;
+constexpr double kFocal = 300;
+
+CameraPtr camera() {
+    return std::make_shared<PerspectiveCamera>(
+        PerspectiveParameters{kWidth, kHeight, kFocal, kFocal, 239.5, 159.5, {}});
+}
+
+// Smooth random grey values, larger than the image, with structure of several sizes.
+const cv::Mat& texture() {
+    static const cv::Mat image = [] {
+        cv::Mat sum(900, 1100, CV_32F, cv::Scalar(0));
+        cv::RNG random(7);
+        for (const double sigma : {2.0, 5.0}) {
+            cv::Mat noise(sum.size(), CV_32F);
+            random.fill(noise, cv::RNG::NORMAL, 0, 1);
+            cv::GaussianBlur(noise, noise, {}, sigma);
+            cv::Scalar mean, deviation;
+            cv::meanStdDev(noise, mean, deviation);
+            sum += noise / deviation[0];
+        }
+        cv::Mat grey;
+        sum.convertTo(grey, CV_8U, 30, 128);
+        return grey;
+    }();
+    return image;
+}
+
+// A textured plane at infinity (homography K R^T K^-1) seen by a camera of attitude R_W_C.
+cv::Mat view(const Matrix3d& R_W_C) {
+    Matrix3d K, K_texture;
+    K << kFocal, 0, 239.5, 0, kFocal, 159.5, 0, 0, 1;
+    K_texture << kFocal, 0, 549.5, 0, kFocal, 449.5, 0, 0, 1;
+    const Matrix3d H = K_texture * R_W_C * K.inverse();
+    const cv::Matx33d M(H(0, 0), H(0, 1), H(0, 2), H(1, 0), H(1, 1), H(1, 2), H(2, 0), H(2, 1),
+                        H(2, 2));
+    cv::Mat image;
+    cv::warpPerspective(texture(), image, M, {kWidth, kHeight},
+                        cv::INTER_LINEAR | cv::WARP_INVERSE_MAP);
+    return image;
+}
+
+Vector2d place(const Vector3d& f_W, const Matrix3d& R_W_C) {
+    return *camera()->project(R_W_C.transpose() * f_W);
+}
+
+// Directions in the world of all features of a frame.
+std::map<FeatureId, Vector3d> directions(const FeatureFrame& frame, const Matrix3d& R_W_C) {
+    std::map<FeatureId, Vector3d> result;
+    for (const auto& f : frame.features)
+        result[f.feature_id] = R_W_C * camera()->ray(f.uv_px)->direction;
+    return result;
+}
+
+// Errors [px] of the features of a frame that are known from before.
+std::vector<double> errors(const FeatureFrame& frame, const Matrix3d& R_W_C,
+                           const std::map<FeatureId, Vector3d>& truth) {
+    std::vector<double> result;
+    for (const auto& f : frame.features)
+        if (const auto it = truth.find(f.feature_id); it != truth.end())
+            result.push_back((f.uv_px - place(it->second, R_W_C)).norm());
+    std::sort(result.begin(), result.end());
+    return result;
+}
+
+TEST(FeatureTracker, FollowsARotatingViewWithoutDrift) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    std::map<FeatureId, Vector3d> first;
+    std::set<FeatureId> dead;
+    std::set<FeatureId> alive;
+    for (int i = 0; i <= 20; ++i) {
+        const Matrix3d R = so3::exp(Vector3d(0.004, -0.003, 0.01) * i);
+        const FeatureFrame frame = tracker.track(i + 1, view(R));
+        std::set<FeatureId> now;
+        for (const auto& f : frame.features) EXPECT_TRUE(now.insert(f.feature_id).second);
+        for (const FeatureId id : now) EXPECT_FALSE(dead.contains(id)) << "id used again";
+        for (const FeatureId id : alive)
+            if (!now.contains(id)) dead.insert(id);
+        alive = now;
+        for (const auto& [id, f] : directions(frame, R)) first.emplace(id, f);
+        if (i < 20) continue;
+        const auto e = errors(frame, R, first);
+        EXPECT_GT(frame.features.size(), 100u);
+        EXPECT_LT(e[e.size() / 2], 0.1);
+        EXPECT_LT(e[e.size() * 99 / 100], 0.5);
+    }
+}
+
+TEST(FeatureTracker, PredictionLetsLongJumpsBeTracked) {
+    const Matrix3d R = so3::exp(Vector3d(0, 40 / kFocal, 0));
+    TrackerOptions options;
+    options.pyramid_levels = 2;
+    const auto followed = [&](const std::optional<Matrix3d>& prediction) {
+        FeatureTracker tracker(options, camera());
+        const auto truth =
+            directions(tracker.track(1, view(Matrix3d::Identity())), Matrix3d::Identity());
+        const auto e = errors(tracker.track(2, view(R), prediction), R, truth);
+        return std::count_if(e.begin(), e.end(), [](double px) { return px < 0.5; });
+    };
+    const auto with = followed(R);
+    EXPECT_GT(with, 80);
+    EXPECT_GT(with, 2 * followed(std::nullopt));
+}
+
+TEST(FeatureTracker, SurvivesExposureChangeAndDarkImage) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    const auto attitude = [](int i) { return so3::exp(Vector3d(0.002, 0.003, 0) * i); };
+    const auto truth = directions(tracker.track(1, view(attitude(0))), attitude(0));
+    cv::Mat dimmed;
+    view(attitude(1)).convertTo(dimmed, CV_8U, 0.6);
+    EXPECT_GT(errors(tracker.track(2, dimmed), attitude(1), truth).size(), 100u);
+    const cv::Mat dark(kHeight, kWidth, CV_8U, cv::Scalar(2));
+    EXPECT_TRUE(tracker.track(3, dark).features.empty());
+    EXPECT_TRUE(tracker.report().blank);
+    const auto e = errors(tracker.track(4, view(attitude(3))), attitude(3), truth);
+    ASSERT_GT(e.size(), 90u);
+    EXPECT_LT(e[e.size() / 2], 0.1);
+}
+
+TEST(FeatureTracker, RejectsAPartThatMovesByItself) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    const auto attitude = [](int i) { return so3::exp(Vector3d(0, 0.004, 0) * i); };
+    const cv::Rect part(150, 100, 120, 120);
+    std::map<FeatureId, int> inside;  // consecutive images inside the moving part
+    for (int i = 0; i < 6; ++i) {
+        cv::Mat image = view(attitude(i));
+        texture()(cv::Rect(600, 500 - 5 * i, part.width, part.height)).copyTo(image(part));
+        const FeatureFrame frame = tracker.track(i + 1, image, so3::exp(Vector3d(0, 0.004, 0)));
+        for (const auto& f : frame.features) {
+            const bool in =
+                f.uv_px.x() > 165 && f.uv_px.x() < 255 && f.uv_px.y() > 115 && f.uv_px.y() < 205;
+            EXPECT_LE(in ? ++inside[f.feature_id] : 0, 1) << "followed in the moving part";
+        }
+        EXPECT_GT(frame.features.size(), 60u);
+    }
+}
+
+TEST(FeatureTracker, SameBytesWhateverTheThreadCount) {
+    const auto run = [](int threads) {
+        cv::setNumThreads(threads);
+        FeatureTracker tracker(TrackerOptions{}, camera());
+        std::vector<double> all;
+        for (int i = 0; i < 4; ++i)
+            for (const auto& f :
+                 tracker.track(i + 1, view(so3::exp(Vector3d(0.01, 0, 0.01) * i))).features)
+                all.insert(all.end(), {double(f.feature_id), f.uv_px.x(), f.uv_px.y()});
+        return all;
+    };
+    const auto one = run(1), two = run(2);
+    cv::setNumThreads(-1);
+    EXPECT_EQ(one, two);
+}
+
+TEST(FeatureTracker, HonoursMaskDistanceAndWantedNumber) {
+    TrackerOptions options;
+    options.max_features = 60;
+    FeatureTracker tracker(options, camera());
+    cv::Mat mask(kHeight, kWidth, CV_8U, cv::Scalar(255));
+    mask(cv::Rect(0, 0, kWidth / 2, kHeight)).setTo(0);
+    tracker.set_mask(mask);
+    for (int i = 0; i < 3; ++i) {
+        const FeatureFrame frame = tracker.track(i + 1, view(so3::exp(Vector3d(0, 0.02, 0) * i)));
+        EXPECT_GT(frame.features.size(), 45u);
+        EXPECT_LE(frame.features.size(), 60u);
+        for (const auto& f : frame.features) EXPECT_GE(f.uv_px.x(), kWidth / 2 - 0.5);
+        if (i > 0) continue;
+        for (const auto& a : frame.features)
+            for (const auto& b : frame.features)
+                if (a.feature_id < b.feature_id)
+                    EXPECT_GT((a.uv_px - b.uv_px).norm(), options.min_distance_px - 3);
+    }
+}
+
+TEST(FeatureTracker, EndsTracksOnRequestAndRefusesForeignImages) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    const FeatureFrame frame = tracker.track(1, view(Matrix3d::Identity()));
+    const FeatureId gone = frame.features.front().feature_id;
+    tracker.end_tracks({gone});
+    for (const auto& f : tracker.track(2, view(Matrix3d::Identity())).features)
+        EXPECT_NE(f.feature_id, gone);
+    EXPECT_THROW(tracker.track(3, cv::Mat(100, 100, CV_8U, cv::Scalar(0))), InputError);
+    EXPECT_THROW(tracker.track(3, cv::Mat(kHeight, kWidth, CV_8UC3)), InputError);
+    EXPECT_THROW(tracker.track(2, view(Matrix3d::Identity())), InputError);
+}
+
+TEST(Patch, AlignsUnderAffineWarpAndExposure) {
+    const cv::Mat before = view(Matrix3d::Identity());
+    const Vector2d uv(200, 150);
+    const auto patch = Patch::cut(before, uv);
+    ASSERT_TRUE(patch);
+    const cv::Matx23d M(1.1, 0.08, 3.4, -0.05, 0.95, -7.2);  // before to after
+    cv::Mat after;
+    cv::warpAffine(before, after, M, before.size());
+    after.convertTo(after, CV_8U, 0.7, 20);
+    const Vector2d truth(M(0, 0) * 200 + M(0, 1) * 150 + M(0, 2),
+                         M(1, 0) * 200 + M(1, 1) * 150 + M(1, 2));
+    Patch::Alignment a{truth + Vector2d(0.8, -0.6), Eigen::Matrix2d::Identity(), 0};
+    for (int i = 0; i < 10; ++i) {
+        const auto next = patch->align(after, a.uv_px, a.A);
+        ASSERT_TRUE(next);
+        a = *next;
+    }
+    EXPECT_LT((a.uv_px - truth).norm(), 0.1);
+    EXPECT_GT(a.correlation, 0.97);
+    EXPECT_NEAR(a.A(0, 0), 1.1, 0.03);
+    EXPECT_FALSE(Patch::cut(before, {3, 3}));
+    EXPECT_FALSE(Patch::cut(cv::Mat(50, 50, CV_8U, cv::Scalar(90)), {25, 25}));
+}
+
+TEST(Patch, CovarianceShapeIsIdentityForIsotropicTextureAndLongAlongEdges) {
+    const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
+    EXPECT_LT((covariance_shape(37 * I, I) - I).norm(), 1e-12);
+    const Eigen::Matrix2d edge = Vector2d(4, 1).asDiagonal();  // gradient mostly along x
+    EXPECT_LT((covariance_shape(edge, I) - Eigen::Matrix2d(Vector2d(0.5, 2).asDiagonal())).norm(),
+              1e-12);
+}
+
+// Pairs of a scene seen under a known motion, the last `outliers` of them wrong.
+std::vector<RayPair> scene(const Matrix3d& R, const Vector3d& t, int outliers) {
+    std::mt19937_64 random(3);
+    std::uniform_real_distribution<double> u(-1, 1);
+    std::normal_distribution<double> noise(0, 0.0005);
+    std::vector<RayPair> pairs;
+    for (int i = 0; i < 120; ++i) {
+        const Vector3d p1(3 * u(random), 2 * u(random), 5 + 2 * u(random));
+        const Vector3d n1(noise(random), noise(random), 0), n2(noise(random), noise(random), 0);
+        pairs.push_back({(p1.normalized() + n1).normalized(),
+                         ((R.transpose() * (p1 - t)).normalized() + n2).normalized()});
+        if (i >= 120 - outliers)
+            pairs.back().f2 = Vector3d(0.6 * u(random), 0.4 * u(random), 1).normalized();
+    }
+    return pairs;
+}
+
+class TwoView : public ::testing::TestWithParam<double> {};  // error of the given rotation [rad]
+
+TEST_P(TwoView, FindsMotionAndRejectsOutliers) {
+    const Matrix3d R = so3::exp({0.02, -0.05, 0.03});
+    const Vector3d t(0.4, 0.1, -0.2);
+    const int outliers = 40;
+    const auto pairs = scene(R, t, outliers);
+    const TwoViewOptions options{.threshold = 0.003};
+    std::optional<Matrix3d> given;
+    if (GetParam() >= 0) given = R * so3::exp(Vector3d(1, -1, 1).normalized() * GetParam());
+    const auto motion = estimate_two_view(pairs, given, options);
+    ASSERT_TRUE(motion);
+    EXPECT_LT(so3::log(motion->R_C1_C2.transpose() * R).norm(), 0.003);
+    EXPECT_GT(motion->t_C1.dot(t.normalized()), std::cos(0.05));
+    const auto good = motion->inlier.begin() + (120 - outliers);
+    EXPECT_GE(std::count(motion->inlier.begin(), good, 1), 78);
+    EXPECT_LE(std::count(good, motion->inlier.end(), 1), 5);  // by chance on their epipolar line
+}
+
+// Exact, biased, useless (must fall back on five pairs), absent.
+INSTANTIATE_TEST_SUITE_P(Rotations, TwoView, ::testing::Values(0.0, 0.004, 0.5, -1.0));
+
+TEST(TwoView, PureRotationKeepsAllThatFit) {
+    const Matrix3d R = so3::exp({0.02, -0.05, 0.03});
+    const auto pairs = scene(R, Vector3d::Zero(), 30);
+    const auto motion = estimate_two_view(pairs, R, {.threshold = 0.003});
+    ASSERT_TRUE(motion);
+    EXPECT_GE(std::count(motion->inlier.begin(), motion->inlier.begin() + 90, 1), 89);
+    EXPECT_LE(std::count(motion->inlier.begin() + 90, motion->inlier.end(), 1), 4);
+}
+
+Rig tilted_rig() {
+    Rig rig;
+    rig.camera = camera();
+    rig.T_B_C.R = so3::exp({0.3, -1.2, 0.5});
+    rig.T_B_I.R = so3::exp({-0.4, 0.2, 0.9});
+    rig.time_offset = 0.004;
+    return rig;
+}
+
+TEST(GyroPrediction, MatchesTheTrueRotationWithBiasAndTimeOffset) {
+    const Rig rig = tilted_rig();
+    const Vector3d rate(0.5, -0.8, 1.1), bias(0.02, 0.03, -0.01);
+    ImuSequence imu;
+    for (int i = 0; i < 60; ++i) imu.push_back({i * from_seconds(0.005), rate + bias, {}});
+    const TimeNs t1 = from_seconds(0.0123), t2 = from_seconds(0.1);
+    const auto R = camera_rotation(imu, rig, t1, t2, bias);
+    ASSERT_TRUE(R);
+    const Matrix3d R_I_C = rig.T_B_I.R.transpose() * rig.T_B_C.R;
+    const Matrix3d truth = R_I_C.transpose() * so3::exp(rate * to_seconds(t2 - t1)) * R_I_C;
+    EXPECT_LT((*R - truth).norm(), 1e-9);
+    EXPECT_FALSE(camera_rotation(imu, rig, t1, from_seconds(0.292)));  // offset: beyond the end
+    EXPECT_TRUE(camera_rotation(imu, rig, t1, from_seconds(0.290)));
+}
+
+TEST(TrackingFrontEnd, ImagesWaitForTheGyroButNotForEver) {
+    const Rig rig = tilted_rig();
+    TrackingFrontEnd front_end(TrackerOptions{}, rig);
+    const cv::Mat image = view(Matrix3d::Identity());
+    EXPECT_TRUE(front_end.add(ImuReading{0, {}, {}}).empty());
+    EXPECT_TRUE(front_end.add(ImageMessage{from_seconds(0.01), image}).empty());
+    EXPECT_TRUE(front_end.add(ImuReading{from_seconds(0.0135), {}, {}}).empty());
+    const auto frames = front_end.add(ImuReading{from_seconds(0.015), {}, {}});
+    ASSERT_EQ(frames.size(), 1u);
+    EXPECT_EQ(frames[0].t, from_seconds(0.01));
+    std::size_t out = 0;
+    for (int i = 1; i <= TrackingFrontEnd::kMostWaiting + 2; ++i)
+        out += front_end.add(ImageMessage{from_seconds(0.05 * i), image}).size();
+    EXPECT_EQ(out, 2u);
+    EXPECT_EQ(front_end.finish().size(), std::size_t{TrackingFrontEnd::kMostWaiting});
+}
+
+}  // namespace
+}  // namespace vio
