@@ -103,22 +103,25 @@ class Search {
         // A rotation from the gyro may be off by a bias: more room until it has been refined.
         const double room = (R ? 2 : 1) * options_.threshold;
         Hypothesis best{R.value_or(Matrix3d::Identity()), Vector3d::UnitZ()};
-        double best_cost = cost(best, room);
+        double best_raw_cost = cost(best, room), best_cost = cost(best, options_.threshold);
         int needed = options_.max_hypotheses;
         for (int k = 0; k < std::min(needed, options_.max_hypotheses); ++k) {
             const auto hypothesis = R ? from_two(*R) : from_five();
             if (!hypothesis) continue;
             for (const double sign : {1.0, -1.0}) {
                 const Hypothesis h{hypothesis->R, sign * hypothesis->t};
-                const double c = cost(h, room);
+                if (cost(h, room) >= best_raw_cost) continue;
+                best_raw_cost = cost(h, room);
+                // Noise in the sample costs more than outliers: polish before comparing.
+                const Hypothesis polished = refined(pairs_, h, room, 5);
+                const double c = cost(polished, options_.threshold);
                 if (c >= best_cost) continue;
                 best_cost = c;
-                best = h;
-                needed = needed_hypotheses(count(h, room), R ? 2 : 5);
+                best = polished;
+                needed = needed_hypotheses(count(polished, room), R ? 2 : 5);
             }
         }
-        best = refined(pairs_, best, room, 5);
-        return refined(pairs_, best, options_.threshold, 5);
+        return refined(pairs_, best, options_.threshold, 20);
     }
 
     int count(const Hypothesis& h, double threshold) const {

@@ -142,22 +142,29 @@ TEST(FeatureTracker, SurvivesExposureChangeAndDarkImage) {
     EXPECT_LT(e[e.size() / 2], 0.1);
 }
 
+// The camera moves to the right past two walls of different depth; a part moves down.
 TEST(FeatureTracker, RejectsAPartThatMovesByItself) {
     FeatureTracker tracker(TrackerOptions{}, camera());
-    const auto attitude = [](int i) { return so3::exp(Vector3d(0, 0.004, 0) * i); };
     const cv::Rect part(150, 100, 120, 120);
-    std::map<FeatureId, int> inside;  // consecutive images inside the moving part
+    std::map<FeatureId, int> seen;  // images in which a feature lay inside the moving part
+    std::size_t outside = 0;
     for (int i = 0; i < 6; ++i) {
-        cv::Mat image = view(attitude(i));
+        cv::Mat image = texture()(cv::Rect(50 + 4 * i, 50, kWidth, kHeight)).clone();
+        const cv::Rect lower(0, kHeight / 2, kWidth, kHeight / 2);
+        texture()(cv::Rect(300 + 8 * i, 500, lower.width, lower.height)).copyTo(image(lower));
         texture()(cv::Rect(600, 500 - 5 * i, part.width, part.height)).copyTo(image(part));
-        const FeatureFrame frame = tracker.track(i + 1, image, so3::exp(Vector3d(0, 0.004, 0)));
-        for (const auto& f : frame.features) {
-            const bool in =
-                f.uv_px.x() > 165 && f.uv_px.x() < 255 && f.uv_px.y() > 115 && f.uv_px.y() < 205;
-            EXPECT_LE(in ? ++inside[f.feature_id] : 0, 1) << "followed in the moving part";
+        outside = 0;
+        for (const auto& f : tracker.track(i + 1, image, Matrix3d::Identity()).features) {
+            const bool inside = (f.uv_px - Vector2d(210, 160)).cwiseAbs().maxCoeff() < 45;
+            if (inside) {
+                EXPECT_LE(++seen[f.feature_id], 1) << "followed in the moving part";
+            } else {
+                ++outside;
+            }
         }
-        EXPECT_GT(frame.features.size(), 60u);
     }
+    EXPECT_FALSE(seen.empty());
+    EXPECT_GT(outside, 60u);
 }
 
 TEST(FeatureTracker, SameBytesWhateverTheThreadCount) {
@@ -191,8 +198,9 @@ TEST(FeatureTracker, HonoursMaskDistanceAndWantedNumber) {
         if (i > 0) continue;
         for (const auto& a : frame.features)
             for (const auto& b : frame.features)
-                if (a.feature_id < b.feature_id)
+                if (a.feature_id != b.feature_id) {
                     EXPECT_GT((a.uv_px - b.uv_px).norm(), options.min_distance_px - 3);
+                }
     }
 }
 
@@ -220,7 +228,7 @@ TEST(Patch, AlignsUnderAffineWarpAndExposure) {
     const Vector2d truth(M(0, 0) * 200 + M(0, 1) * 150 + M(0, 2),
                          M(1, 0) * 200 + M(1, 1) * 150 + M(1, 2));
     Patch::Alignment a{truth + Vector2d(0.8, -0.6), Eigen::Matrix2d::Identity(), 0};
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 30; ++i) {  // the shape is free to change only slowly
         const auto next = patch->align(after, a.uv_px, a.A);
         ASSERT_TRUE(next);
         a = *next;
@@ -301,7 +309,8 @@ TEST(GyroPrediction, MatchesTheTrueRotationWithBiasAndTimeOffset) {
     const Rig rig = tilted_rig();
     const Vector3d rate(0.5, -0.8, 1.1), bias(0.02, 0.03, -0.01);
     ImuSequence imu;
-    for (int i = 0; i < 60; ++i) imu.push_back({i * from_seconds(0.005), rate + bias, {}});
+    for (int i = 0; i < 60; ++i)
+        imu.push_back({i * from_seconds(0.005), rate + bias, Vector3d::Zero()});
     const TimeNs t1 = from_seconds(0.0123), t2 = from_seconds(0.1);
     const auto R = camera_rotation(imu, rig, t1, t2, bias);
     ASSERT_TRUE(R);
@@ -312,14 +321,18 @@ TEST(GyroPrediction, MatchesTheTrueRotationWithBiasAndTimeOffset) {
     EXPECT_TRUE(camera_rotation(imu, rig, t1, from_seconds(0.290)));
 }
 
+ImuReading still(double seconds) {
+    return {from_seconds(seconds), Vector3d::Zero(), Vector3d::Zero()};
+}
+
 TEST(TrackingFrontEnd, ImagesWaitForTheGyroButNotForEver) {
     const Rig rig = tilted_rig();
     TrackingFrontEnd front_end(TrackerOptions{}, rig);
     const cv::Mat image = view(Matrix3d::Identity());
-    EXPECT_TRUE(front_end.add(ImuReading{0, {}, {}}).empty());
+    EXPECT_TRUE(front_end.add(still(0)).empty());
     EXPECT_TRUE(front_end.add(ImageMessage{from_seconds(0.01), image}).empty());
-    EXPECT_TRUE(front_end.add(ImuReading{from_seconds(0.0135), {}, {}}).empty());
-    const auto frames = front_end.add(ImuReading{from_seconds(0.015), {}, {}});
+    EXPECT_TRUE(front_end.add(still(0.0135)).empty());
+    const auto frames = front_end.add(still(0.015));
     ASSERT_EQ(frames.size(), 1u);
     EXPECT_EQ(frames[0].t, from_seconds(0.01));
     std::size_t out = 0;
