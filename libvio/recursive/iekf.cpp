@@ -20,6 +20,7 @@ using Eigen::Vector3d;
 
 namespace {
 
+constexpr int kShortestPrefix = 3;      // images
 constexpr int kMaxRejections = 3;       // consecutive, then a landmark is given up
 constexpr int kMaxBadImages = 3;        // consecutive, then all landmarks are
 constexpr double kBadShare = 0.5;       // of an image's landmarks passing the gate
@@ -41,7 +42,7 @@ std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& opti
     if (!use_imu) return make_image_only_motion(variances);
     if (options.motion == "smooth")
         return make_smooth_motion(rig.imu_noise, variances, kGravitySigma);
-    return make_imu_driven_motion(rig.imu_noise);
+    return make_imu_driven_motion(rig.imu_noise, {options.gyro_sensitivity_error});
 }
 
 WindowOptions window_options(const Rig& rig, const IekfOptions& options) {
@@ -99,6 +100,7 @@ struct Iekf::Impl {
     TimeNs given_time() const;
     void begin_given(const ImuReading& next);
     void try_prefix(const TimedFrame& image);
+    void start_from_prefix(const ImuReading* next);
     void begin(const BatchTail& tail, const ImuReading& at);
     void begin_landmarks(const BatchTail& tail, const MatrixXd& joint);
     void move_to(TimeNs t_imu);
@@ -182,21 +184,23 @@ void Iekf::Impl::begin_given(const ImuReading& next) {
 
 void Iekf::Impl::try_prefix(const TimedFrame& image) {
     prefix.add(image.frame);
-    if (!prefix.ready()) return;
-    const ImuReading* next = queue.next_reading();
+    if (prefix.ready()) start_from_prefix(queue.next_reading());
+}
+
+void Iekf::Impl::start_from_prefix(const ImuReading* next) {
+    const TimeNs t = prefix.last_image(), t_imu = t + from_seconds(rig.time_offset);
     const auto start = prefix.attempt(next);
     if (!start) {
-        log(image.frame.t, "not started: " + prefix.why());
+        log(t, "not started: " + prefix.why());
         return;
     }
     prefix.clear();
-    ImuReading at{image.t_imu, Vector3d::Zero(), Vector3d::Zero()};
-    if (last_reading) at = between(*last_reading, next ? *next : *last_reading, image.t_imu);
+    ImuReading at{t_imu, Vector3d::Zero(), Vector3d::Zero()};
+    if (last_reading) at = between(*last_reading, next ? *next : *last_reading, t_imu);
     result.states.insert(result.states.end(), start->states.begin(), start->states.end());
     begin(start->tail, at);
-    log(image.frame.t, "started from a prefix of " + std::to_string(start->states.size()) +
-                           " images with " + std::to_string(start->tail.landmarks.size()) +
-                           " points");
+    log(t, "started from a prefix of " + std::to_string(start->states.size()) + " images with " +
+               std::to_string(start->tail.landmarks.size()) + " points");
 }
 
 void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
@@ -429,6 +433,9 @@ void Iekf::add(const FeatureFrame& frame) {
 
 void Iekf::finish() {
     impl_->take_messages(true);
+    // A recording shorter than a prefix has at least its batch estimate.
+    if (!impl_->state && !impl_->given_start && impl_->prefix.images() >= kShortestPrefix)
+        impl_->start_from_prefix(nullptr);
     if (impl_->queue.dropped() > 0)
         impl_->log(impl_->camera_time(impl_->now.t),
                    std::to_string(impl_->queue.dropped()) +

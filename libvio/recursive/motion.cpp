@@ -25,7 +25,8 @@ double squared(double x) {
 
 class ImuDrivenMotion final : public MotionModel {
  public:
-    explicit ImuDrivenMotion(const ImuNoise& noise) : noise_(noise) {}
+    ImuDrivenMotion(const ImuNoise& noise, const GyroSensitivityError& sensitivity)
+        : noise_(noise), sensitivity_(sensitivity) {}
 
     void advance(FilterState& state, const ImuReading& from, const ImuReading& to) const override {
         const double dt = to_seconds(to.t - from.t);
@@ -39,7 +40,9 @@ class ImuDrivenMotion final : public MotionModel {
         core.T_W_I = {moving.R, moving.p};
         core.v_W = moving.v;
 
-        double gyro = squared(noise_.gyro_noise_density) / dt;  // variance of the mean reading
+        const double following = squared(sensitivity_.share) * segment.gyro.squaredNorm();
+        // Variances of the mean over dt.
+        double gyro = (squared(noise_.gyro_noise_density) + following * sensitivity_.time) / dt;
         double accel = squared(noise_.accel_noise_density) / dt;
         if (dt > kLargestGap) {
             gyro += squared(kUnseenAngularRate);
@@ -70,6 +73,7 @@ class ImuDrivenMotion final : public MotionModel {
 
  private:
     ImuNoise noise_;
+    GyroSensitivityError sensitivity_;
 };
 
 // Adds to the covariance of an n-fold integrated random walk: x[0] is the walk (variance q per
@@ -213,8 +217,9 @@ Vector6d inertial_residual(const CoreState& core, const ImuReading& reading, con
     return residual;
 }
 
-std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise) {
-    return std::make_unique<ImuDrivenMotion>(noise);
+std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise,
+                                                    const GyroSensitivityError& sensitivity) {
+    return std::make_unique<ImuDrivenMotion>(noise, sensitivity);
 }
 
 std::unique_ptr<MotionModel> make_smooth_motion(const ImuNoise& noise,

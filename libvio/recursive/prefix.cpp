@@ -59,7 +59,7 @@ std::optional<Prefix::Start> Prefix::fail(std::string why) {
     const int step = std::max(1, options_.prefix_images / 2);
     const int longest = 2 * options_.prefix_images;
     if (next_attempt_ + step > longest) {
-        frames_.erase(frames_.begin(), frames_.begin() + step);
+        frames_.erase(frames_.begin(), frames_.begin() + std::min(step, images() - 1));
         const TimeNs oldest = frames_.front().t + from_seconds(rig_.time_offset);
         while (readings_.size() > 1 && readings_[1].t <= oldest) readings_.pop_front();
     } else {

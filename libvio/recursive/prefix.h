@@ -17,6 +17,9 @@ class Prefix {
     void add(const ImuReading& reading);
     void add(const FeatureFrame& frame);
 
+    int images() const { return static_cast<int>(frames_.size()); }
+    TimeNs last_image() const { return frames_.back().t; }
+
     /// True when enough images have come since the last attempt.
     bool ready() const;
 

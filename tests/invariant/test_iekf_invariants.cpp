@@ -1,0 +1,282 @@
+// The recursive estimator: equal to the information solution on linear problems; global position
+// and rotation about gravity stay unobserved; same input, same bytes; covariance stays a
+// covariance.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+
+#include "libvio/recursive/iekf.h"
+#include "libvio/recursive/landmark_update.h"
+#include "libvio/recursive/motion.h"
+#include "libvio/recursive/window.h"
+#include "tests/simulated_run.h"
+
+namespace vio {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+MatrixXd random_matrix(std::mt19937& random, int rows, int columns) {
+    std::normal_distribution<double> normal;
+    MatrixXd m(rows, columns);
+    for (int j = 0; j < columns; ++j)
+        for (int i = 0; i < rows; ++i) m(i, j) = normal(random);
+    return m;
+}
+
+MatrixXd random_covariance(std::mt19937& random, int n) {
+    const MatrixXd a = random_matrix(random, n, n);
+    return a * a.transpose() / n + 0.1 * MatrixXd::Identity(n, n);
+}
+
+/// A state with three clones and four landmarks, linear where errors are small.
+FilterState some_state(std::mt19937& random, CoreKind kind, bool invariant) {
+    const int c = static_cast<int>(kind);
+    CoreState core;
+    core.T_W_I = {so3::exp({0.3, -0.2, 0.9}), {1, 2, 0.5}};
+    core.g_W = {0, 0, -9.81};
+    FilterState state(kind, core, random_covariance(random, c), invariant);
+    std::vector<LandmarkState> landmarks(4);
+    state.start_landmarks(landmarks, random_covariance(random, c + 12));
+    for (int i = 0; i < 3; ++i) {
+        state.clone(i);
+        const CoreMatrix F = CoreMatrix::Identity(c, c) + 0.1 * random_matrix(random, c, c);
+        state.propagate(state.core(), F, random_covariance(random, c));
+        state.settle();
+    }
+    return state;
+}
+
+TEST(IekfLinear, UpdateEqualsInformationSolution) {
+    std::mt19937 random(1);
+    FilterState state = some_state(random, CoreKind::inertial, false);
+    const MatrixXd P = state.covariance();
+    const int w = state.window_size(), n = state.size();
+    MatrixXd H = MatrixXd::Zero(20, n);
+    H.leftCols(w) = random_matrix(random, 20, w);
+    const VectorXd r = 1e-6 * random_matrix(random, 20, 1);
+    const Vector3d p = state.landmarks()[1].p_W;
+    state.update(H.leftCols(w), r);
+    const MatrixXd expected = (P.inverse() + H.transpose() * H).inverse();
+    EXPECT_LT((state.covariance() - expected).norm(), 1e-9 * expected.norm());
+    const VectorXd delta = expected * H.transpose() * r;
+    EXPECT_LT((state.landmarks()[1].p_W - p - delta.segment<3>(state.landmark_offset(1))).norm(),
+              1e-9 * delta.norm());
+}
+
+TEST(IekfLinear, LazyCoreEqualsWholeState) {
+    std::mt19937 random(2);
+    FilterState state = some_state(random, CoreKind::smooth, false);
+    const int c = state.core_size(), n = state.size();
+    MatrixXd P = state.covariance();
+    VectorXd mean = VectorXd::Zero(n);
+    const Vector3d before = state.landmarks()[2].p_W;
+    for (int step = 0; step < 5; ++step) {
+        const MatrixXd F = MatrixXd::Identity(c, c) + 0.05 * random_matrix(random, c, c);
+        const MatrixXd Q = 0.01 * random_covariance(random, c);
+        const MatrixXd H = random_matrix(random, 6, c);
+        const VectorXd r = 1e-7 * random_matrix(random, 6, 1);
+        state.propagate(state.core(), F, Q);
+        state.update_core(
+            [&](const CoreState&, CoreRows* rows, CoreResidual* residual) {
+                *rows = H;
+                *residual = r;
+            },
+            1);
+        MatrixXd whole = MatrixXd::Identity(n, n);
+        whole.topLeftCorner(c, c) = F;
+        P = (whole * P * whole.transpose()).eval();
+        P.topLeftCorner(c, c) += Q;
+        MatrixXd H_whole = MatrixXd::Zero(6, n);
+        H_whole.leftCols(c) = H;
+        P = (P.inverse() + H_whole.transpose() * H_whole).inverse().eval();
+        mean += P * H_whole.transpose() * r;
+    }
+    state.settle();
+    EXPECT_LT((MatrixXd(state.covariance()) - P).norm(), 1e-8 * P.norm());
+    EXPECT_LT(
+        (state.landmarks()[2].p_W - before - mean.segment<3>(state.landmark_offset(2))).norm(),
+        1e-8 * mean.norm());
+}
+
+TEST(IekfLinear, AugmentationIsSmithSelfCheeseman) {
+    std::mt19937 random(3);
+    FilterState state = some_state(random, CoreKind::inertial, true);
+    const MatrixXd P = state.covariance();
+    const int w = state.window_size(), n = state.size();
+    MatrixXd G = MatrixXd::Zero(6, n);
+    G.leftCols(w) = random_matrix(random, 6, w);
+    const MatrixXd noise = random_covariance(random, 6);
+    state.augment(std::vector<LandmarkState>(2), G.leftCols(w), noise);
+    MatrixXd expected(n + 6, n + 6);
+    expected << P, P * G.transpose(), G * P, G * P * G.transpose() + noise;
+    EXPECT_LT((state.covariance() - expected).norm(), 1e-12 * expected.norm());
+    // Removing them again, and an older one, leaves the marginal.
+    state.marginalise({false, true, false, false, true, true});
+    const int at = state.landmark_offset(1);
+    MatrixXd kept(n - 3, n - 3);
+    kept << P.topLeftCorner(at, at), P.topRightCorner(at, n - at - 3),
+        P.bottomLeftCorner(n - at - 3, at), P.bottomRightCorner(n - at - 3, n - at - 3);
+    EXPECT_LT((state.covariance() - kept).norm(), 1e-12 * kept.norm());
+}
+
+// ---- Observability ------------------------------------------------------------------------------
+
+/// Errors that a shift of the world and a turn of it about the axes make; the axes are that of
+/// gravity, or all three where gravity is part of the state.
+MatrixXd unobservable(const FilterState& state) {
+    const bool turns_gravity = state.core_size() > kGravity;
+    const int turns = turns_gravity ? 3 : 1;
+    MatrixXd N = MatrixXd::Zero(state.size(), 3 + turns);
+    for (int k = 0; k < 3; ++k) {
+        const Vector3d e = Vector3d::Unit(k);
+        N.block<3, 1>(kPosition, k) = e;
+        for (int i = 0; i < static_cast<int>(state.clones().size()); ++i)
+            N.block<3, 1>(state.clone_offset(i) + 3, k) = e;
+        for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i)
+            N.block<3, 1>(state.landmark_offset(i), k) = e;
+    }
+    for (int k = 0; k < turns; ++k) {
+        const Vector3d e = turns_gravity ? Vector3d(Vector3d::Unit(k)) : Vector3d::UnitZ();
+        const int column = 3 + k;
+        const CoreState& core = state.core();
+        N.block<3, 1>(kRotation, column) = core.T_W_I.R.transpose() * e;
+        N.block<3, 1>(kPosition, column) = e.cross(core.T_W_I.p);
+        N.block<3, 1>(kVelocity, column) = e.cross(core.v_W);
+        if (turns_gravity) {
+            N.block<3, 1>(kGravity, column) = e.cross(core.g_W);
+            N.block<3, 1>(kAcceleration, column) = e.cross(core.a_W);
+        }
+        for (int i = 0; i < static_cast<int>(state.clones().size()); ++i) {
+            const Pose& clone = state.clones()[i].T_W_I;
+            N.block<3, 1>(state.clone_offset(i), column) = clone.R.transpose() * e;
+            N.block<3, 1>(state.clone_offset(i) + 3, column) = e.cross(clone.p);
+        }
+        for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i)
+            N.block<3, 1>(state.landmark_offset(i), column) = e.cross(state.landmarks()[i].p_W);
+    }
+    return N;
+}
+
+/// Information about the unobservable directions, N^T P^-1 N.
+MatrixXd information(const FilterState& state) {
+    const MatrixXd N = unobservable(state);
+    return N.transpose() * MatrixXd(state.covariance()).ldlt().solve(N);
+}
+
+/// Largest gain of information about an unobservable direction at an image's updates, relative to
+/// what there was, over a run with noisy measurements.
+double largest_gain(const std::string& model, bool invariant) {
+    const test::SimulatedRun run = test::simulate_run({.seconds = 4, .features = 40});
+    const Pose T_I_C = run.rig.T_I_C();
+    const auto motion = model == "smooth" ? make_smooth_motion(run.rig.imu_noise, {1e3, 1e3}, 0.02)
+                                          : make_imu_driven_motion(run.rig.imu_noise, {});
+    CoreState core;
+    core.T_W_I = run.truth[0].T_W_B * run.rig.T_B_I;
+    core.v_W = test::SimulatedPath::velocity(0.37 / 20);
+    core.g_W = {0, 0, -9.81};
+    core.gyro_bias = run.truth[0].gyro_bias;
+    core.accel_bias = run.truth[0].accel_bias;
+    Matrix15d P = 1e-4 * Matrix15d::Identity();
+    CoreMatrix lift;
+    FilterState state = motion->start(core, P, run.readings[4], invariant, &lift);
+    Window window({.angular_sigma = 1 / 458.0}, run.rig.camera, T_I_C);
+
+    ImuReading now = run.readings[4];
+    now.t = run.frames[0].t;
+    std::size_t next = 4;
+    while (run.readings[next].t <= now.t) ++next;
+    double largest = 0;
+    for (int image = 1; image < static_cast<int>(run.frames.size()); ++image) {
+        state.clone(image - 1);
+        const FeatureFrame& frame = run.frames[image];
+        for (; run.readings[next].t < frame.t; now = run.readings[next++]) {
+            motion->advance(state, now, run.readings[next]);
+            motion->measure(state, run.readings[next], 0.005);
+        }
+        ImuReading at = run.readings[next];
+        at.t = frame.t;
+        motion->advance(state, now, at);
+        now = at;
+        state.settle();
+
+        std::vector<LandmarkSight> known;
+        for (const FeatureObservation& feature : frame.features) {
+            const Sight sight = *make_sight(feature, 1.0);
+            int idx = -1;
+            for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i)
+                if (state.landmarks()[i].id == feature.feature_id) idx = i;
+            if (idx >= 0)
+                known.push_back({idx, sight});
+            else
+                window.observe(feature.feature_id, image, sight);
+        }
+        known = gated_sights(state, known, *run.rig.camera, T_I_C.inverse(), 13.8);
+        const MatrixXd before = information(state);
+        if (!known.empty()) update_landmarks(state, known, *run.rig.camera, T_I_C.inverse(), 3);
+        const int leaving = image > 10 ? image - 11 : -1;
+        window.use(state, image, leaving);
+        const MatrixXd gained = information(state) - before;
+        largest = std::max(
+            largest, (gained.diagonal().array() / before.diagonal().array()).abs().maxCoeff());
+        if (leaving >= 0 && state.find_clone(leaving) >= 0) {
+            window.forget_image(leaving);
+            state.release_clone(state.find_clone(leaving));
+        }
+    }
+    EXPECT_GT(state.landmarks().size(), 10u);
+    return largest;
+}
+
+TEST(IekfObservability, UpdatesGainNothingAboutGaugeDirections) {
+    EXPECT_LT(largest_gain("imu_driven", true), 1e-5);
+    EXPECT_LT(largest_gain("smooth", true), 1e-4);
+}
+
+TEST(IekfObservability, NaiveFilterGainsSpuriousInformation) {
+    EXPECT_GT(largest_gain("imu_driven", false), 1e-2);
+}
+
+// ---- Whole runs
+// -----------------------------------------------------------------------------------
+
+Estimate estimate_of(const test::SimulatedRun& run, const IekfOptions& options) {
+    Iekf filter(run.rig, options, {});
+    filter.start(test::sampled_start(run, 5, 77));
+    std::size_t next = 5;
+    for (const ImuReading& reading : run.readings) {
+        while (next < run.frames.size() && run.frames[next].t <= reading.t)
+            filter.add(run.frames[next++]);
+        filter.add(reading);
+    }
+    filter.finish();
+    return filter.estimate();
+}
+
+TEST(IekfRun, SameInputSameBytes) {
+    const test::SimulatedRun run = test::simulate_run({.seconds = 5, .outliers = 0.05});
+    const Estimate a = estimate_of(run, {}), b = estimate_of(run, {});
+    ASSERT_EQ(a.states.size(), b.states.size());
+    ASSERT_GT(a.states.size(), 80u);
+    for (std::size_t i = 0; i < a.states.size(); ++i) {
+        EXPECT_EQ(0, std::memcmp(&a.states[i].T_W_B, &b.states[i].T_W_B, sizeof(Pose)));
+        EXPECT_EQ(0, std::memcmp(a.states[i].covariance.data(), b.states[i].covariance.data(),
+                                 sizeof(Matrix15d)));
+    }
+}
+
+TEST(IekfRun, CovarianceStaysPositiveDefinite) {
+    const test::SimulatedRun run = test::simulate_run({.seconds = 60});
+    const Estimate estimate = estimate_of(run, {});
+    ASSERT_EQ(estimate.states.size(), run.frames.size() - 6);
+    for (const StateEstimate& state : estimate.states) {
+        ASSERT_EQ(state.covariance, state.covariance.transpose());
+        ASSERT_EQ(state.covariance.llt().info(), Eigen::Success);
+    }
+}
+
+}  // namespace
+}  // namespace vio

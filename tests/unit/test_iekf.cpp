@@ -1,0 +1,184 @@
+// Pieces of the recursive estimator: Jacobians against central differences, order of messages.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "libvio/recursive/body_frame.h"
+#include "libvio/recursive/message_queue.h"
+#include "libvio/recursive/motion.h"
+#include "libvio/recursive/observation.h"
+#include "tests/simulated_run.h"
+#include "tests/unit/numeric_jacobian.h"
+
+namespace vio {
+namespace {
+
+using Eigen::Vector3d;
+using test::numeric_jacobian;
+
+template <int N>
+Eigen::Matrix<double, N, 1> random_vector(std::mt19937& random, double scale) {
+    std::normal_distribution<double> normal;
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = 0; i < N; ++i) v(i) = scale * normal(random);
+    return v;
+}
+
+CoreState some_core(std::mt19937& random) {
+    CoreState core;
+    core.T_W_I = {so3::exp(random_vector<3>(random, 1.0)), random_vector<3>(random, 2.0)};
+    core.v_W = random_vector<3>(random, 1.0);
+    core.gyro_bias = random_vector<3>(random, 0.05);
+    core.accel_bias = random_vector<3>(random, 0.2);
+    core.g_W = {0, 0, -9.81};
+    core.omega_I = random_vector<3>(random, 1.0);
+    core.a_W = random_vector<3>(random, 2.0);
+    return core;
+}
+
+/// other [-] core, in the order of the core's errors.
+Eigen::Matrix<double, kMaxCore, 1> difference(const CoreState& core, const CoreState& other) {
+    Eigen::Matrix<double, kMaxCore, 1> d;
+    d << other.T_W_I.boxminus(core.T_W_I), other.v_W - core.v_W, other.gyro_bias - core.gyro_bias,
+        other.accel_bias - core.accel_bias, other.g_W - core.g_W, other.omega_I - core.omega_I,
+        other.a_W - core.a_W;
+    return d;
+}
+
+TEST(IekfObservation, JacobiansMatchDifferences) {
+    std::mt19937 random(3);
+    const Rig rig = test::simulate_run({.seconds = 0.2}).rig;
+    const Pose T_C_I = rig.T_I_C().inverse();
+    FeatureObservation feature;
+    feature.uv_px = {300, 200};
+    feature.covariance_shape << 2, 0.5, 0.5, 1;
+    const Sight sight = *make_sight(feature, 0.7);
+    EXPECT_LT((sight.whitening * (0.49 * feature.covariance_shape) * sight.whitening.transpose() -
+               Eigen::Matrix2d::Identity())
+                  .norm(),
+              1e-12);
+    for (int i = 0; i < 20; ++i) {
+        const Pose T_W_I{so3::exp(random_vector<3>(random, 1.0)), random_vector<3>(random, 1.0)};
+        const Vector3d p_C = Vector3d(0, 0, 4) + random_vector<3>(random, 0.7);
+        const Vector3d p_W = T_W_I * (T_C_I.inverse() * p_C);
+        const auto at = sight_residual(*rig.camera, T_C_I, T_W_I, p_W, sight);
+        ASSERT_TRUE(at);
+        const auto prediction = [&](const Eigen::Matrix<double, 9, 1>& d) -> Eigen::Vector2d {
+            return -sight_residual(*rig.camera, T_C_I, T_W_I.boxplus(d.head<6>()),
+                                   p_W + d.tail<3>(), sight)
+                        ->residual;
+        };
+        Eigen::Matrix<double, 2, 9> J;
+        J << at->J_rotation, at->J_position, at->J_point;
+        const auto numeric = numeric_jacobian<2, 9>(prediction);
+        EXPECT_LT((J - numeric).norm(), 1e-6 * numeric.norm());
+    }
+}
+
+TEST(IekfMotion, InertialMeasurementMatchesDifferences) {
+    std::mt19937 random(4);
+    const CoreState core = some_core(random);
+    const ImuReading reading{0, random_vector<3>(random, 1.0), random_vector<3>(random, 9.0)};
+    const ImuNoise noise;
+    Eigen::Matrix<double, 6, kMaxCore> H;
+    inertial_residual(core, reading, noise, 0.005, &H);
+    const auto numeric =
+        numeric_jacobian<6, kMaxCore>([&](const Eigen::Matrix<double, kMaxCore, 1>& d) -> Vector6d {
+            return -inertial_residual(FilterState::moved(core, d), reading, noise, 0.005, nullptr);
+        });
+    EXPECT_LT((H - numeric).norm(), 1e-7 * numeric.norm());
+}
+
+// The transition F is seen through the covariance: F A F^T is what A adds to it.
+void check_transition(const MotionModel& motion, CoreKind kind) {
+    std::mt19937 random(5);
+    const int n = static_cast<int>(kind);
+    for (int trial = 0; trial < 5; ++trial) {
+        const CoreState core = some_core(random);
+        const ImuReading from{0, random_vector<3>(random, 1.0), random_vector<3>(random, 9.0)};
+        const ImuReading to{10'000'000, random_vector<3>(random, 1.0),
+                            random_vector<3>(random, 9.0)};
+        CoreMatrix A = CoreMatrix::Zero(n, n);
+        for (int i = 0; i < n; ++i) {
+            const Eigen::VectorXd a = random_vector<kMaxCore>(random, 1.0).head(n);
+            A += a * a.transpose();
+        }
+        const auto moved_covariance = [&](const CoreMatrix& P) {
+            FilterState state(kind, core, P, true);
+            motion.advance(state, from, to);
+            return state.core_covariance();
+        };
+        const CoreMatrix added = moved_covariance(A) - moved_covariance(CoreMatrix::Zero(n, n));
+
+        const auto end = [&](const Eigen::VectorXd& d) {
+            FilterState state(kind, FilterState::moved(core, d), CoreMatrix::Zero(n, n), true);
+            motion.advance(state, from, to);
+            return state.core();
+        };
+        const CoreState middle = end(Eigen::VectorXd::Zero(n));
+        const auto F = numeric_jacobian<kMaxCore, kMaxCore>(
+            [&](const Eigen::Matrix<double, kMaxCore, 1>& d) -> Eigen::Matrix<double, kMaxCore, 1> {
+                return difference(middle, end(d.head(n)));
+            });
+        const CoreMatrix numeric = F.topLeftCorner(n, n) * A * F.topLeftCorner(n, n).transpose();
+        EXPECT_LT((added - numeric).norm(), 1e-6 * numeric.norm());
+    }
+}
+
+TEST(IekfMotion, TransitionsMatchDifferences) {
+    check_transition(*make_imu_driven_motion({}, {}), CoreKind::inertial);
+    check_transition(*make_smooth_motion({}, {}, 0.1), CoreKind::smooth);
+}
+
+TEST(IekfBodyFrame, JacobianMatchesDifferencesAndInverseReturns) {
+    std::mt19937 random(6);
+    const CoreState core = some_core(random);
+    const Pose T_I_B{so3::exp({0.3, -0.4, 0.5}), {0.2, -0.1, 0.3}};
+    const Vector3d gyro(0.5, -1, 0.8);
+    Matrix15d J;
+    const StateEstimate body = body_state(core, T_I_B, gyro - core.gyro_bias, &J);
+    const auto numeric = numeric_jacobian<15, 15>([&](const Eigen::Matrix<double, 15, 1>& d) {
+        const CoreState x = FilterState::moved(core, d);
+        const StateEstimate b = body_state(x, T_I_B, gyro - x.gyro_bias);
+        Eigen::Matrix<double, 15, 1> e;
+        e << b.T_W_B.boxminus(body.T_W_B), b.v_W - body.v_W, b.gyro_bias - body.gyro_bias,
+            b.accel_bias - body.accel_bias;
+        return e;
+    });
+    EXPECT_LT((J - numeric).norm(), 1e-7 * J.norm());
+    const CoreState back = imu_state(body, T_I_B.inverse(), gyro - core.gyro_bias);
+    EXPECT_LT(difference(core, back).head<15>().norm(), 1e-12);
+}
+
+TEST(IekfChiSquare, QuantilesMatchTables) {
+    EXPECT_NEAR(chi_square_quantile(2, 0.99), 9.210, 0.03 * 9.210);
+    EXPECT_NEAR(chi_square_quantile(10, 0.95), 18.307, 0.01 * 18.307);
+    EXPECT_NEAR(chi_square_quantile(19, 0.999), 43.820, 0.01 * 43.820);
+}
+
+TEST(IekfMessageQueue, OrdersWithinItsWindowAndCountsTheRest) {
+    MessageQueue queue(100, true);
+    EXPECT_TRUE(queue.add(ImuReading{10, {}, {}}));
+    EXPECT_TRUE(queue.add(ImuReading{30, {}, {}}));
+    EXPECT_TRUE(queue.add(ImuReading{20, {}, {}}));
+    EXPECT_FALSE(queue.add(ImuReading{20, {}, {}}));  // twice
+    EXPECT_TRUE(queue.add(ImuReading{140, {}, {}}));
+    EXPECT_TRUE(queue.add(TimedFrame{25, {}}));  // late, but within the window
+    std::vector<TimeNs> times;
+    const auto time = [](const auto& m) -> TimeNs {
+        if constexpr (std::is_same_v<std::decay_t<decltype(m)>, ImuReading>)
+            return m.t;
+        else
+            return m.t_imu;
+    };
+    while (const auto message = queue.pop(false)) times.push_back(std::visit(time, *message));
+    EXPECT_EQ(times, (std::vector<TimeNs>{10, 20, 25, 30}));
+    EXPECT_FALSE(queue.add(ImuReading{15, {}, {}}));  // too late
+    EXPECT_EQ(queue.dropped(), 2);
+    times.clear();
+    while (const auto message = queue.pop(true)) times.push_back(std::visit(time, *message));
+    EXPECT_EQ(times, (std::vector<TimeNs>{140}));
+}
+
+}  // namespace
+}  // namespace vio
