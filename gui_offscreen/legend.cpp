@@ -101,6 +101,30 @@ void draw_panel(cv::Mat& picture, const cv::Rect& panel, const Palette& colors, 
     cv::rectangle(picture, inside, bgr(colors.grid), std::max(1, cvRound(size)));
 }
 
+/// Place for a panel in the corner where it hides least (not lower right: the scale bar's).
+cv::Rect emptiest_corner(const cv::Mat& picture, const cv::Size& panel, int border,
+                         const cv::Scalar& background) {
+    const int right = picture.cols - border - panel.width;
+    const int bottom = picture.rows - border - panel.height;
+    cv::Rect best;
+    int least = picture.rows * picture.cols;
+    for (const cv::Point& corner :
+         {cv::Point(border, border), cv::Point(right, border), cv::Point(border, bottom)}) {
+        const cv::Rect place(corner, panel);
+        const cv::Rect inside = place & cv::Rect(0, 0, picture.cols, picture.rows);
+        if (inside != place) continue;
+        cv::Mat free;
+        const cv::Scalar faint = cv::Scalar::all(60);  // the grid's lines do not count
+        cv::inRange(picture(place), background - faint, background + faint, free);
+        const int hidden = place.area() - cv::countNonZero(free);
+        if (hidden < least) {
+            least = hidden;
+            best = place;
+        }
+    }
+    return best.empty() ? cv::Rect({border, border}, panel) : best;
+}
+
 void draw_scale_bar(cv::Mat& picture, double size, double pixels_per_metre, const Palette& colors) {
     // The longest of 1, 2, 5 times a power of ten that stays under a fifth of the width.
     const double limit = 0.2 * picture.cols / pixels_per_metre;
@@ -139,8 +163,9 @@ void draw_legend(cv::Mat& picture, const mrpt::opengl::COpenGLScene& scene, doub
         text_width =
             std::max(text_width, cv::getTextSize(row.label, kFont, 0.5 * size, 1, &below).width);
     const int pad = cvRound(12 * size), line = cvRound(23 * size), mark = cvRound(30 * size);
-    const cv::Rect panel(cvRound(16 * size), cvRound(16 * size), mark + text_width + 3 * pad,
-                         line * static_cast<int>(rows.size()) + pad);
+    const cv::Rect panel = emptiest_corner(
+        picture, {mark + text_width + 3 * pad, line * static_cast<int>(rows.size()) + pad},
+        cvRound(16 * size), bgr(palette(dark).background));
     draw_panel(picture, panel, colors, size);
     for (size_t i = 0; i < rows.size(); ++i) {
         const int top = panel.y + pad / 2 + line * static_cast<int>(i);
