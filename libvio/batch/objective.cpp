@@ -272,9 +272,13 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
     cost.image = linearize_image(state, equations);
     cost.inertial = linearize_inertial(state, equations) + linearize_bias(state, equations);
     cost.prior = linearize_priors(state, equations);
-    // Points that no observation is left of stay where they are.
-    for (Eigen::Matrix3d& V : equations.V)
-        if (V.isZero(0)) V.setIdentity();
+    // A point that its images leave undetermined (no observation left, or rays without parallax)
+    // stays where it is in the directions that they leave open.
+    for (Eigen::Matrix3d& V : equations.V) {
+        const double mean = V.trace() / 3;
+        if (!(V.determinant() > 1e-12 * mean * mean * mean))
+            V.diagonal().array() += mean > 0 ? 1e-6 * mean : 1.0;
+    }
     // The gauge: without a survey the first pose defines W.
     if (!model_.surveyed())
         for (int k = 0; k < 6; ++k) equations.hold(equations.layout().index(0, k));
