@@ -41,6 +41,7 @@ BlockMatrix::BlockMatrix(const std::vector<int>& dims, std::vector<std::pair<int
 int BlockMatrix::position(int row, int col) const {
     const auto& rows = rows_[col];
     const auto it = std::lower_bound(rows.begin(), rows.end(), row);
+    if (it == rows.end() || *it != row) throw std::logic_error("no such block in the matrix");
     return first_[col] + starts_[col][it - rows.begin()];
 }
 
@@ -63,6 +64,7 @@ BlockCholesky::BlockCholesky(const BlockMatrix& pattern) : impl_(std::make_uniqu
     common.method[0].ordering = CHOLMOD_NATURAL;
     common.method[1].ordering = CHOLMOD_AMD;
     common.postorder = true;
+    common.final_ll = true;  // L L^T fails where L D L^T would accept an indefinite matrix
     common.print = 0;
     common.quick_return_if_not_posdef = true;
     // Diagonal blocks are stored whole; CHOLMOD ignores what lies above the diagonal.

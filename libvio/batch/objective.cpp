@@ -219,7 +219,7 @@ double Objective::linearize_inertial(const State& state, NormalEquations& eq) co
 }
 
 double Objective::linearize_bias(const State& state, NormalEquations& eq) const {
-    if (options_.bias != "random_walk") return 0;
+    if (!model_.inertial || options_.bias != "random_walk") return 0;
     const Layout& layout = eq.layout();
     double cost = 0;
     for (int i = 0; i + 1 < model_.frames(); ++i) {

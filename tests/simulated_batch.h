@@ -1,0 +1,52 @@
+// Batch problems made from a simulated run, and its truth in the batch estimator's world frame.
+#pragma once
+
+#include "libvio/batch/batch.h"
+#include "tests/simulated_run.h"
+
+namespace vio::test {
+
+inline BatchProblem batch_problem(const SimulatedRun& run, bool inertial = true) {
+    BatchProblem problem;
+    problem.rig = run.rig;
+    problem.frames = run.frames;
+    if (inertial) problem.imu = ImuSequence(run.readings);
+    return problem;
+}
+
+/// Truth as an estimate in the frame in which `first` is its first pose: positions relative to it,
+/// heading such that the two first attitudes differ by a tilt only (z stays up).
+inline Estimate truth_from(const SimulatedRun& run, const Pose& first) {
+    const Pose& T0 = run.truth.front().T_W_B;
+    Eigen::Matrix3d Z = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 5; ++i) {
+        const Eigen::Vector3d difference = so3::log(first.R * (Z * T0.R).transpose());
+        Z = so3::exp({0, 0, difference.z()}) * Z;
+    }
+    const Pose T_Wp_W{Z, first.p - Z * T0.p};
+    Estimate truth;
+    truth.g_W = {0, 0, -9.81};
+    for (StateEstimate state : run.truth) {
+        state.T_W_B = T_Wp_W * state.T_W_B;
+        state.v_W = Z * state.v_W;
+        truth.states.push_back(state);
+    }
+    for (size_t id = 0; id < run.point_of_feature.size(); ++id) {
+        LandmarkEstimate landmark;
+        landmark.id = static_cast<FeatureId>(id);
+        landmark.p_W = T_Wp_W * run.points[run.point_of_feature[id]];
+        truth.landmarks.push_back(landmark);
+    }
+    return truth;
+}
+
+/// Error of a state in StateIndex order.
+inline Eigen::Matrix<double, 15, 1> state_error(const StateEstimate& estimate,
+                                                const StateEstimate& truth) {
+    Eigen::Matrix<double, 15, 1> e;
+    e << estimate.T_W_B.boxminus(truth.T_W_B), estimate.v_W - truth.v_W,
+        estimate.gyro_bias - truth.gyro_bias, estimate.accel_bias - truth.accel_bias;
+    return e;
+}
+
+}  // namespace vio::test

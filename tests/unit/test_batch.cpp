@@ -1,0 +1,294 @@
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "libvio/batch/marginals.h"
+#include "libvio/batch/minimize.h"
+#include "libvio/batch/start.h"
+#include "tests/simulated_batch.h"
+
+namespace vio::batch {
+namespace {
+
+test::SimulatedRun short_run(double sigma_px = 1, bool noisy_imu = true) {
+    test::SimulatedRunOptions options;
+    options.seconds = 1;
+    options.features = 30;
+    options.longest_track = 8;
+    options.sigma_px = sigma_px;
+    if (!noisy_imu) options.noise = {1e-9, 1e-8, 1e-9, 1e-8};
+    return simulate_run(options);
+}
+
+Eigen::MatrixXd dense(BlockMatrix& A, int blocks) {
+    Eigen::MatrixXd D = Eigen::MatrixXd::Zero(A.size(), A.size());
+    for (int col = 0; col < blocks; ++col)
+        for (int row : A.rows(col))
+            D.block(A.offset(row), A.offset(col), A.dim(row), A.dim(col)) = A.block(row, col);
+    return D.selfadjointView<Eigen::Lower>();
+}
+
+TEST(BlockCholesky, SolvesAndInvertsAsADenseMatrixDoes) {
+    const std::vector<int> dims{6, 9, 6, 9, 3, 3};
+    BlockMatrix A(
+        dims,
+        {{1, 0}, {2, 0}, {2, 1}, {3, 1}, {3, 2}, {4, 0}, {5, 0}, {5, 1}, {5, 2}, {5, 3}, {5, 4}});
+    std::mt19937 engine(5);
+    std::normal_distribution<double> normal;
+    for (double& value : A.values()) value = normal(engine);
+    for (int k = 0; k < A.size(); ++k) A.diagonal(k) += 40;
+    const Eigen::MatrixXd D = dense(A, static_cast<int>(dims.size()));
+    BlockCholesky factor(A);
+    ASSERT_TRUE(factor.factorize(A));
+    const Eigen::MatrixXd inverse = D.inverse();
+    const Eigen::MatrixXd b = Eigen::MatrixXd::Random(A.size(), 3);
+    EXPECT_LT((factor.solve(b) - inverse * b).norm(), 1e-12);
+    const auto sparse = factor.sparse_inverse();
+    for (size_t col = 0; col < dims.size(); ++col)
+        for (int row : A.rows(static_cast<int>(col))) {
+            const int r = A.offset(row), c = A.offset(static_cast<int>(col));
+            EXPECT_LT((sparse.block(r, dims[row], c, dims[col]) -
+                       inverse.block(r, c, dims[row], dims[col]))
+                          .norm(),
+                      1e-12);
+        }
+    A.diagonal(3) = -100;
+    EXPECT_FALSE(factor.factorize(A));
+}
+
+struct Variant {
+    std::string bias, weighting;
+    bool gravity_free, inertial;
+    int border;  // number of points kept in the border
+};
+
+class BatchVariants : public ::testing::TestWithParam<Variant> {
+ protected:
+    BatchVariants() : run_(short_run()), problem_(test::batch_problem(run_, GetParam().inertial)) {
+        options_.bias = GetParam().bias;
+        options_.weighting = GetParam().weighting;
+        model_ = make_model(problem_, options_, static_cast<int>(problem_.frames.size()));
+        layout_ = make_layout(model_, options_);
+        layout_.border_points = GetParam().border;
+        for (int j = 0; j < GetParam().border; ++j) layout_.border_of_point[j] = j;
+        // Near the truth, but off it in every unknown.
+        state_ = given_start(model_, test::truth_from(run_, {}));
+        std::mt19937 engine(2);
+        std::normal_distribution<double> normal;
+        const auto noise = [&](double s) {
+            return Eigen::Vector3d(s * normal(engine), s * normal(engine), s * normal(engine));
+        };
+        for (auto& frame : state_.frames) {
+            frame.motion.R = frame.motion.R * so3::exp(noise(0.01));
+            frame.motion.p += noise(0.02);
+            frame.motion.v += noise(0.05);
+        }
+        for (auto& frame : state_.frames) frame.bias = state_.frames.front().bias;
+        for (auto& point : state_.points) point += noise(0.03);
+        if (GetParam().gravity_free) state_.gravity += noise(0.1);
+    }
+
+    test::SimulatedRun run_;
+    BatchProblem problem_;
+    BatchOptions options_;
+    Model model_;
+    Layout layout_;
+    State state_;
+};
+
+TEST_P(BatchVariants, GradientIsTheDerivativeOfTheCost) {
+    Objective objective(model_, options_, {GetParam().gravity_free, "none"});
+    NormalEquations equations(model_, layout_);
+    objective.linearize(state_, equations);
+    std::mt19937 engine(3);
+    std::normal_distribution<double> normal;
+    for (int trial = 0; trial < 10; ++trial) {
+        Step step;
+        step.reduced.resize(equations.matrix.size());
+        for (double& x : step.reduced) x = 1e-5 * normal(engine);
+        if (!model_.surveyed())
+            for (int c = 0; c < 6; ++c) step.reduced(layout_.index(0, c)) = 0;
+        for (size_t j = 0; j < model_.points.size(); ++j)
+            step.points.push_back(1e-5 *
+                                  Eigen::Vector3d(normal(engine), normal(engine), normal(engine)));
+        double analytic = 0;
+        for (size_t j = 0; j < model_.points.size(); ++j) {
+            analytic += 2 * step.points[j].dot(equations.b[j]);
+            if (const int slot = layout_.border_of_point[j]; slot >= 0)
+                step.reduced.segment<3>(equations.matrix.offset(layout_.border_block(slot)))
+                    .setZero();
+        }
+        analytic += 2 * step.reduced.dot(equations.gradient);
+        Step back = step;
+        back.reduced *= -1;
+        for (auto& point : back.points) point *= -1;
+        const double numeric =
+            (objective.evaluate(objective.apply(state_, step, layout_)).total() -
+             objective.evaluate(objective.apply(state_, back, layout_)).total()) /
+            2;
+        EXPECT_NEAR(numeric, analytic, 1e-5 * std::abs(analytic) + 1e-4);
+    }
+}
+
+TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
+    // One damped step against the dense solution of poses and points together.
+    Objective objective(model_, options_, {GetParam().gravity_free, "none"});
+    NormalEquations equations(model_, layout_);
+    objective.linearize(state_, equations);
+    const int n = equations.matrix.size(), m = static_cast<int>(model_.points.size());
+    const int blocks = static_cast<int>(layout_.block_dims().size());
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n + 3 * m, n + 3 * m);
+    Eigen::VectorXd g(n + 3 * m);
+    H.topLeftCorner(n, n) = dense(equations.matrix, blocks);
+    g.head(n) = equations.gradient;
+    for (int j = 0; j < m; ++j) {
+        H.block<3, 3>(n + 3 * j, n + 3 * j) = equations.V[j];
+        g.segment<3>(n + 3 * j) = equations.b[j];
+    }
+    for (size_t k = 0; k < model_.observations.size(); ++k) {
+        const Observation& o = model_.observations[k];
+        const int row = layout_.index(o.frame_idx, 0), col = n + 3 * o.point_idx;
+        H.block<6, 3>(row, col) += equations.W[k];
+        H.block<3, 6>(col, row) += equations.W[k].transpose();
+    }
+    // Border points stand in the reduced system: their own columns there are unused here.
+    for (int slot = 0; slot < layout_.border_points; ++slot) {
+        const int k = equations.matrix.offset(layout_.border_block(slot));
+        H.middleRows(k, 3).setZero();
+        H.middleCols(k, 3).setZero();
+        H.block<3, 3>(k, k).setIdentity();
+    }
+    const double lambda = 1e-3;
+    for (int k = 0; k < n + 3 * m; ++k) H(k, k) += lambda * std::max(1e-6, H(k, k));
+    const Eigen::VectorXd x = H.ldlt().solve(-g);
+    Step step;
+    ASSERT_TRUE(equations.solve(lambda, step));
+    for (int i = 0; i < layout_.frames; ++i)
+        for (int c = 0; c < 15; ++c)
+            if (const int k = layout_.index(i, c); k >= 0)
+                EXPECT_NEAR(step.reduced(k), x(k), 1e-6 * (1 + std::abs(x(k))));
+    for (int j = 0; j < m; ++j)
+        EXPECT_LT((step.points[j] - x.segment<3>(n + 3 * j)).norm(), 1e-6 * (1 + x.norm()));
+    // Promised by the quadratic model: -2 g.x - x.H0.x for the undamped H0.
+    for (int k = 0; k < n + 3 * m; ++k)
+        if (H(k, k) != 0) H(k, k) -= lambda * std::max(1e-6, H(k, k) / (1 + lambda));
+    const double promised = -2 * g.dot(x) - x.dot(H * x);
+    EXPECT_NEAR(equations.predicted_decrease(step), promised, 1e-4 * promised);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BatchVariants,
+                         ::testing::Values(Variant{"random_walk", "preintegrated", false, true, 0},
+                                           Variant{"random_walk", "preintegrated", true, true, 5},
+                                           Variant{"constant", "preintegrated", false, true, 3},
+                                           Variant{"constant", "fixed", true, true, 0},
+                                           Variant{"random_walk", "preintegrated", false, false,
+                                                   2}),
+                         [](const auto& info) { return "variant" + std::to_string(info.index); });
+
+TEST(Batch, BlindStartFindsTheTruthWithoutNoise) {
+    test::SimulatedRunOptions options;
+    options.seconds = 2;
+    options.sigma_px = 1e-3;
+    options.imu_hz = 1000;  // leaves the integration's own error behind
+    options.noise = {1e-6, 1e-5, 1e-7, 1e-6};
+    const auto run = simulate_run(options);
+    BatchOptions batch;
+    batch.start = "blind";
+    batch.sigma_px = 0.01;
+    const BatchResult result = estimate_batch(test::batch_problem(run), batch);
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+    for (size_t i = 0; i < truth.states.size(); ++i) {
+        const auto e = test::state_error(result.estimate.states[i], truth.states[i]);
+        EXPECT_LT(e.segment<3>(kRotation).norm(), 1e-4);
+        EXPECT_LT(e.segment<3>(kPosition).norm(), 1e-3);
+        EXPECT_LT(e.segment<3>(kVelocity).norm(), 1e-3);
+    }
+}
+
+TEST(Batch, FixedWeightsAndConstantBiasConvergeToo) {
+    const auto run = short_run(0.5);
+    BatchOptions options;
+    options.weighting = "fixed";
+    options.bias = "constant";
+    options.gravity = "free";
+    options.start = "blind";
+    const BatchResult result = estimate_batch(test::batch_problem(run), options);
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    EXPECT_NEAR(result.estimate.g_W.norm(), 9.81, 0.3);
+}
+
+TEST(Batch, DropsGrossMistracks) {
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 2;
+    simulation.outliers = 0.05;
+    const auto run = simulate_run(simulation);
+    const BatchResult result = estimate_batch(test::batch_problem(run), {});
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+    const auto e = test::state_error(result.estimate.states.back(), truth.states.back());
+    const Eigen::Vector3d p = e.segment<3>(kPosition);
+    const Eigen::Matrix3d C =
+        result.estimate.states.back().covariance.block<3, 3>(kPosition, kPosition);
+    EXPECT_GT(result.report.outliers, 0.03 * result.report.observations);
+    EXPECT_LT(p.dot(C.inverse() * p), 16.3);  // chi-square(3) at 99.9 %
+}
+
+TEST(Batch, TailIsTheMarginalOfTheWholeEstimate) {
+    const auto run = short_run();
+    const BatchResult result = estimate_batch(test::batch_problem(run), {}, std::nullopt, true);
+    ASSERT_TRUE(result.tail);
+    const BatchTail& tail = *result.tail;
+    ASSERT_EQ(tail.covariance.rows(), 15 + 3 * static_cast<int>(tail.landmarks.size()));
+    EXPECT_GT(tail.landmarks.size(), 10u);
+    const StateEstimate& last = result.estimate.states.back();
+    EXPECT_LT((tail.state.covariance - last.covariance).norm(), 1e-6 * last.covariance.norm());
+    EXPECT_LT(tail.state.T_W_B.boxminus(last.T_W_B).norm(), 1e-12);
+    for (const LandmarkEstimate& landmark : tail.landmarks)
+        for (const LandmarkEstimate& other : result.estimate.landmarks)
+            if (other.id == landmark.id) {
+                EXPECT_LT((landmark.covariance - other.covariance).norm(),
+                          1e-6 * other.covariance.norm());
+                EXPECT_LT((landmark.p_W - other.p_W).norm(), 1e-12);
+            }
+    EXPECT_EQ(
+        Eigen::LLT<Eigen::MatrixXd>(tail.covariance.bottomRightCorner(tail.covariance.rows() - 15,
+                                                                      tail.covariance.rows() - 15))
+            .info(),
+        Eigen::Success);
+}
+
+TEST(Batch, FiducialsPutTheEstimateIntoTheSurveysFrame) {
+    const auto run = short_run();
+    BatchProblem problem = test::batch_problem(run);
+    for (size_t id = 0; id < run.point_of_feature.size(); ++id)
+        problem.fiducials[static_cast<FeatureId>(id)] = {run.points[run.point_of_feature[id]],
+                                                         Eigen::Matrix3d::Identity() * 1e-6};
+    const BatchResult result = estimate_batch(problem, {});
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    for (size_t i = 0; i < run.truth.size(); ++i) {
+        const auto e = test::state_error(result.estimate.states[i], run.truth[i]);
+        const Vector6d pose = e.head<6>();
+        const Matrix6d C = result.estimate.states[i].covariance.topLeftCorner<6, 6>();
+        EXPECT_LT(pose.dot(C.inverse() * pose), 27.9);  // chi-square(6) at 99.99 %
+    }
+}
+
+TEST(Batch, RefusesWhatCannotBeEstimated) {
+    const auto run = short_run();
+    BatchProblem problem = test::batch_problem(run);
+    problem.frames.resize(1);
+    EXPECT_THROW(estimate_batch(problem, {}), InputError);
+    problem = test::batch_problem(run);
+    problem.rig.camera = nullptr;
+    EXPECT_THROW(estimate_batch(problem, {}), InputError);
+    problem = test::batch_problem(run);
+    problem.imu = ImuSequence({run.readings[50], run.readings[51]});
+    EXPECT_THROW(estimate_batch(problem, {}), InputError);
+    problem = test::batch_problem(run);
+    for (FeatureFrame& frame : problem.frames) frame.features.clear();
+    EXPECT_THROW(estimate_batch(problem, {}), InputError);
+}
+
+}  // namespace
+}  // namespace vio::batch
