@@ -167,7 +167,7 @@ const std::vector<std::string>& Scene::kinds() {
 }
 
 Scene Scene::make(const std::string& kind, std::uint64_t seed) {
-    const double texel = kind == "arm_cell" ? 0.0015 : kind == "room" ? 0.003 : 0.008;
+    const double texel = kind == "arm_cell" ? 0.0025 : kind == "room" ? 0.003 : 0.008;
     Scene scene;
     Builder build(scene.solids_, scene.textures_, seed, texel);
     if (kind == "arm_cell")

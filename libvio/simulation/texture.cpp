@@ -79,7 +79,7 @@ Texture::Texture(std::uint64_t seed, double texel, int side) : texel_(texel) {
     add_gradient_noise(torus, mixed(seed), 8, 60);
     const int leaves = side * side / 300;
     for (int i = 0; i < leaves; ++i) lay_leaf(torus, random);
-    for (int octave = 0; octave < 5; ++octave)
+    for (int octave = 0; octave < 3; ++octave)
         add_gradient_noise(torus, mixed(seed + 1 + octave), side / 128 << octave,
                            40.0 / (1 << octave));
     levels_.push_back({side, torus.take()});
