@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 namespace vio {
@@ -71,14 +72,15 @@ std::optional<TimeNs> parse_seconds(std::string_view text) {
     const std::int64_t places = point + exponent + 9;  // digits of the number in nanoseconds
     const auto leading = digits.find_first_not_of('0');
     if (leading == std::string::npos) return 0;
-    if (places - static_cast<std::int64_t>(leading) > 18) return {};
+    if (places - static_cast<std::int64_t>(leading) > 19) return {};
 
-    TimeNs t = 0;
+    std::uint64_t t = 0;  // holds any 19 digits
     const auto count = static_cast<std::int64_t>(digits.size());
     for (std::int64_t i = static_cast<std::int64_t>(leading); i < places; ++i)
-        t = 10 * t + (i < count ? digits[static_cast<size_t>(i)] - '0' : 0);
+        t = 10 * t + static_cast<unsigned>(i < count ? digits[static_cast<size_t>(i)] - '0' : 0);
     if (places >= 0 && places < count && digits[static_cast<size_t>(places)] >= '5') ++t;
-    return negative ? -t : t;
+    if (t > static_cast<std::uint64_t>(std::numeric_limits<TimeNs>::max())) return {};
+    return negative ? -static_cast<TimeNs>(t) : static_cast<TimeNs>(t);
 }
 
 std::string format(double value) {
