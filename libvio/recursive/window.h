@@ -21,11 +21,11 @@ namespace vio {
 struct WindowOptions {
     bool cameras_exact = false;  ///< new points as the paper does, recent cameras taken as exact
     int max_landmarks = 50;
-    int max_points = 40;           ///< points used from the window at one image
-    int min_sights = 4;            ///< of a point that becomes a landmark
-    double new_point_sigma = 0.1;  ///< of its position relative to the newest camera's distance
-    double gate = 0.99;            ///< probability
-    double angular_sigma = 1e-3;   ///< of a sight [rad]
+    int max_points = 40;            ///< points used from the window at one image
+    int min_sights = 4;             ///< of a point that becomes a landmark
+    double new_point_sigma = 0.03;  ///< of its position relative to the newest camera's distance
+    double gate = 0.99;             ///< probability
+    double angular_sigma = 1e-3;    ///< of a sight [rad]
 };
 
 class Window {

@@ -1,0 +1,80 @@
+// The recursive estimator's covariance tells the truth about its errors (NEES over seeded runs).
+#include <gtest/gtest.h>
+
+#include "libvio/recursive/iekf.h"
+#include "tests/simulated_run.h"
+
+namespace vio {
+namespace {
+
+struct Nees {
+    double position = 0, rotation = 0;  ///< mean over runs and images, per degree of freedom
+    double position_rmse = 0;           ///< [m]
+};
+
+Nees measured(const IekfOptions& options, int seeds, double seconds) {
+    Nees mean;
+    int count = 0;
+    for (int seed = 1; seed <= seeds; ++seed) {
+        test::SimulatedRunOptions simulated;
+        simulated.seed = static_cast<unsigned>(seed);
+        simulated.seconds = seconds;
+        const test::SimulatedRun run = test::simulate_run(simulated);
+        constexpr std::size_t kFirst = 10;
+        Iekf filter(run.rig, options, {});
+        filter.start(test::sampled_start(run, kFirst, 1000u + static_cast<unsigned>(seed)));
+        std::size_t next = kFirst;
+        for (const ImuReading& reading : run.readings) {
+            while (next < run.frames.size() && run.frames[next].t <= reading.t)
+                filter.add(run.frames[next++]);
+            filter.add(reading);
+        }
+        filter.finish();
+        std::size_t i = kFirst + 1;
+        for (const StateEstimate& state : filter.estimate().states) {
+            const Vector6d d = run.truth[i++].T_W_B.boxminus(state.T_W_B);
+            const auto squared = [&](int at) {
+                const Eigen::Vector3d e = d.segment<3>(at);
+                return e.dot(state.covariance.block<3, 3>(at, at).ldlt().solve(e)) / 3;
+            };
+            mean.rotation += squared(kRotation);
+            mean.position += squared(kPosition);
+            mean.position_rmse += d.tail<3>().squaredNorm();
+            ++count;
+        }
+    }
+    mean.rotation /= count;
+    mean.position /= count;
+    mean.position_rmse = std::sqrt(mean.position_rmse / count);
+    return mean;
+}
+
+IekfOptions simulated_sensor() {
+    IekfOptions options;
+    options.gyro_sensitivity_error = 0;  // the simulated gyro has none
+    return options;
+}
+
+// Errors of a run stay alike for some seconds: 24 runs of 15 s give about 24 * 5 independent
+// samples with three degrees of freedom each, whose mean has a standard deviation of
+// sqrt(2 / 360) = 0.075; bounds at four of them.
+TEST(IekfConsistency, ErrorsMatchTheirCovariance) {
+    const Nees nees = measured(simulated_sensor(), 24, 15);
+    RecordProperty("position", std::to_string(nees.position));
+    RecordProperty("rotation", std::to_string(nees.rotation));
+    EXPECT_GT(nees.position, 0.7);
+    EXPECT_LT(nees.position, 1.3);
+    EXPECT_GT(nees.rotation, 0.7);
+    EXPECT_LT(nees.rotation, 1.3);
+}
+
+TEST(IekfConsistency, InvariantFilterBeatsTheNaiveOne) {
+    IekfOptions naive = simulated_sensor();
+    naive.consistency = "none";
+    const Nees with = measured(simulated_sensor(), 8, 15), without = measured(naive, 8, 15);
+    EXPECT_GT(without.rotation, 2 * with.rotation);
+    EXPECT_GT(without.position_rmse, with.position_rmse);
+}
+
+}  // namespace
+}  // namespace vio
