@@ -1,0 +1,129 @@
+#include <gtest/gtest.h>
+#include <mrpt/maps/CSimpleMap.h>
+#include <mrpt/poses/CPose3DInterpolator.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "libvio/base/errors.h"
+#include "libvio/camera/perspective.h"
+#include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/results.h"
+#include "tests/unit/scratch_folder.h"
+
+namespace vio {
+namespace {
+
+Results made_results() {
+    Results results;
+    for (int i = 0; i < 5; ++i) {
+        StateEstimate state;
+        state.t = 1'403'636'584'763'555'584 + i * 50'000'000;
+        state.T_W_B = {so3::exp({0.1 * i, 0.2, -0.3}), {1.0 / 3 * i, 2, -0.5}};
+        state.v_W = {0.1, 0.2 * i, 0.3};
+        state.gyro_bias = {0.01, -0.02, 0.03};
+        state.accel_bias = {0.1, 0.2, -0.3};
+        const Matrix15d A = Matrix15d::Random();
+        state.covariance = 1e-4 * A * A.transpose();
+        state.features = 10 + i;
+        state.lost = i == 3;
+        results.estimate.states.push_back(state);
+        FeatureFrame frame{state.t, {}};
+        for (int k = 0; k < 4; ++k) frame.features.push_back({3 * i + k, {10.5 * k, 20}, {}});
+        results.keyframes.push_back(frame);
+    }
+    for (int j = 0; j < 3; ++j)
+        results.estimate.landmarks.push_back(
+            {j * 7, {1.0 / 7 * j, -2, 3}, 1e-3 * Eigen::Matrix3d::Identity(), 5 + j});
+    results.estimate.g_W = {0, 0, -9.81};
+    results.estimate.gravity_covariance = 1e-6 * Eigen::Matrix3d::Identity();
+    results.rig.camera = std::make_shared<PerspectiveCamera>(
+        PerspectiveParameters{640, 480, 500, 500, 320, 240, {}});
+    results.options_ini = "[batch]\nsigma_px = 1\n";
+    results.summary["estimator"] = "batch";
+    return results;
+}
+
+TEST(Results, ComeBackAsTheyWereWritten) {
+    const test::ScratchFolder scratch;
+    const std::string folder = scratch / "out";
+    const Results results = made_results();
+    write_results(folder, results);
+    const Estimate back = read_results(folder);
+    ASSERT_EQ(back.states.size(), 5u);
+    for (size_t i = 0; i < 5; ++i) {
+        const StateEstimate &a = results.estimate.states[i], &b = back.states[i];
+        EXPECT_EQ(a.t, b.t);
+        EXPECT_LT(a.T_W_B.boxminus(b.T_W_B).norm(), 1e-14);
+        EXPECT_EQ(a.v_W, b.v_W);
+        EXPECT_EQ(a.gyro_bias, b.gyro_bias);
+        EXPECT_EQ(a.accel_bias, b.accel_bias);
+        EXPECT_TRUE((a.covariance.topLeftCorner<6, 6>().array() ==
+                     b.covariance.topLeftCorner<6, 6>().array())
+                        .all());
+        EXPECT_LT((a.covariance.diagonal() - b.covariance.diagonal()).norm(), 1e-15);
+        EXPECT_EQ(a.lost, b.lost);
+        EXPECT_EQ(a.features, b.features);
+    }
+    ASSERT_EQ(back.landmarks.size(), 3u);
+    EXPECT_EQ(back.landmarks[2].id, 14);
+    EXPECT_EQ(back.landmarks[2].p_W, results.estimate.landmarks[2].p_W);
+    EXPECT_EQ(back.landmarks[2].covariance, results.estimate.landmarks[2].covariance);
+    EXPECT_EQ(back.g_W, results.estimate.g_W);
+    EXPECT_TRUE(back.has_scale);
+}
+
+TEST(Results, AreReadByMrpt) {
+    const test::ScratchFolder scratch;
+    const std::string folder = scratch / "out";
+    const Results results = made_results();
+    write_results(folder, results);
+    mrpt::maps::CSimpleMap map;
+    ASSERT_TRUE(map.loadFromFile(folder + "/keyframes.simplemap"));
+    ASSERT_EQ(map.size(), 5u);
+    mrpt::poses::CPose3DInterpolator path;
+    ASSERT_TRUE(path.loadFromTextFile(folder + "/trajectory.txt"));
+    ASSERT_EQ(path.size(), 5u);
+    const Pose last = from_mrpt(mrpt::poses::CPose3D(path.rbegin()->second));
+    EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-5);
+}
+
+TEST(Results, DoNotReplaceOthersUnlessAsked) {
+    const test::ScratchFolder scratch;
+    const std::string folder = scratch / "out";
+    write_results(folder, made_results());
+    std::ofstream(folder + "/mine.txt") << "kept";
+    EXPECT_THROW(write_results(folder, made_results()), InputError);
+    EXPECT_NO_THROW(write_results(folder, made_results(), true));
+    EXPECT_TRUE(std::filesystem::exists(folder + "/mine.txt"));
+    EXPECT_THROW(check_results_folder(folder + "/mine.txt", false), InputError);
+}
+
+TEST(Results, NameTheFileThatIsWrong) {
+    const test::ScratchFolder scratch;
+    const std::string folder = scratch / "out";
+    EXPECT_THROW(read_results(folder), InputError);
+    write_results(folder, made_results());
+    std::ofstream(folder + "/states.csv") << "1,2,3\n";
+    try {
+        read_results(folder);
+        FAIL();
+    } catch (const InputError& e) {
+        EXPECT_NE(std::string(e.what()).find("states.csv"), std::string::npos) << e.what();
+    }
+}
+
+TEST(SelectKeyframes, TakesTheFirstTheLastAndWhereTheViewHasChanged) {
+    std::vector<FeatureFrame> frames;
+    for (int i = 0; i < 10; ++i) {
+        FeatureFrame frame{i, {}};
+        for (int k = 0; k < 10; ++k) frame.features.push_back({i + k, {0, 0}, {}});
+        frames.push_back(frame);
+    }
+    const auto keyframes = select_keyframes(frames, 0.6);
+    ASSERT_EQ(keyframes.size(), 3u);  // 0; 5, the first with fewer than six of ten in common; 9
+    EXPECT_EQ(keyframes[1].t, 5);
+}
+
+}  // namespace
+}  // namespace vio
