@@ -7,7 +7,7 @@ foreach(library vio vio_gui_offscreen)
     install(TARGETS ${library} EXPORT vio-targets)
   endif()
 endforeach()
-install(TARGETS vio-slam)
+install(TARGETS vio-slam vio_mrpt_plugin)
 install(EXPORT vio-targets NAMESPACE vio:: DESTINATION ${vio_package_dir})
 foreach(room libvio gui_offscreen)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/${room}
