@@ -164,9 +164,11 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
     Step step;
     ASSERT_TRUE(equations.solve(lambda, step));
     for (int i = 0; i < layout_.frames; ++i)
-        for (int c = 0; c < 15; ++c)
-            if (const int k = layout_.index(i, c); k >= 0)
-                EXPECT_NEAR(step.reduced(k), x(k), 1e-6 * (1 + std::abs(x(k))));
+        for (int c = 0; c < 15; ++c) {
+            const int k = layout_.index(i, c);
+            if (k < 0) continue;
+            EXPECT_NEAR(step.reduced(k), x(k), 1e-6 * (1 + std::abs(x(k))));
+        }
     for (int j = 0; j < m; ++j)
         EXPECT_LT((step.points[j] - x.segment<3>(n + 3 * j)).norm(), 1e-6 * (1 + x.norm()));
     // Promised by the quadratic model: -2 g.x - x.H0.x for the undamped H0.
@@ -183,7 +185,7 @@ INSTANTIATE_TEST_SUITE_P(All, BatchVariants,
                                            Variant{"constant", "fixed", true, true, 0},
                                            Variant{"random_walk", "preintegrated", false, false,
                                                    2}),
-                         [](const auto& info) { return "variant" + std::to_string(info.index); });
+                         [](const auto& param) { return "variant" + std::to_string(param.index); });
 
 TEST(Batch, BlindStartFindsTheTruthWithoutNoise) {
     test::SimulatedRunOptions options;

@@ -29,7 +29,7 @@ Results made_results() {
         state.lost = i == 3;
         results.estimate.states.push_back(state);
         FeatureFrame frame{state.t, {}};
-        for (int k = 0; k < 4; ++k) frame.features.push_back({3 * i + k, {10.5 * k, 20}, {}});
+        for (int k = 0; k < 4; ++k) frame.features.push_back({3 * i + k, {10.5 * k, 20}, Eigen::Matrix2d::Identity()});
         results.keyframes.push_back(frame);
     }
     for (int j = 0; j < 3; ++j)
@@ -117,7 +117,7 @@ TEST(SelectKeyframes, TakesTheFirstTheLastAndWhereTheViewHasChanged) {
     std::vector<FeatureFrame> frames;
     for (int i = 0; i < 10; ++i) {
         FeatureFrame frame{i, {}};
-        for (int k = 0; k < 10; ++k) frame.features.push_back({i + k, {0, 0}, {}});
+        for (int k = 0; k < 10; ++k) frame.features.push_back({i + k, {0, 0}, Eigen::Matrix2d::Identity()});
         frames.push_back(frame);
     }
     const auto keyframes = select_keyframes(frames, 0.6);

@@ -234,7 +234,9 @@ TEST(DemoRawlog, IsWhatItsScenarioMakes) {
             EXPECT_EQ(imu->accel, truth.accel);
         } else if (const auto* image = std::get_if<ImageMessage>(&*message)) {
             EXPECT_EQ(image->t, simulation.image_times().at(images));
-            if (images % 40 == 0) EXPECT_TRUE(same_bytes(image->image, simulation.image(images)));
+            if (images % 40 == 0) {
+                EXPECT_TRUE(same_bytes(image->image, simulation.image(images)));
+            }
             ++images;
         }
     }
