@@ -1,6 +1,7 @@
 #include "libvio/batch/block_matrix.h"
 
 #include <cholmod.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <cstring>
@@ -8,6 +9,23 @@
 #include <stdexcept>
 
 namespace vio::batch {
+
+namespace {
+
+// CHOLMOD runs several OpenMP loops for each supernode; ours are small, and waking threads for them
+// costs more than half of the time. Inside this scope they run on the calling thread.
+class SerialOpenMp {
+ public:
+    SerialOpenMp() { omp_set_max_active_levels(0); }
+    ~SerialOpenMp() { omp_set_max_active_levels(levels_); }
+    SerialOpenMp(const SerialOpenMp&) = delete;
+    SerialOpenMp& operator=(const SerialOpenMp&) = delete;
+
+ private:
+    int levels_ = omp_get_max_active_levels();
+};
+
+}  // namespace
 
 BlockMatrix::BlockMatrix(const std::vector<int>& dims, std::vector<std::pair<int, int>> pairs) {
     const int n = static_cast<int>(dims.size());
@@ -88,12 +106,14 @@ BlockCholesky::BlockCholesky(const BlockMatrix& pattern) : impl_(std::make_uniqu
 BlockCholesky::~BlockCholesky() = default;
 
 bool BlockCholesky::factorize(const BlockMatrix& matrix) {
+    const SerialOpenMp serial;
     std::memcpy(impl_->matrix->x, matrix.values_.data(), matrix.values_.size() * sizeof(double));
     cholmod_factorize(impl_->matrix, impl_->factor, &impl_->common);
     return impl_->common.status == CHOLMOD_OK && impl_->factor->minor == impl_->factor->n;
 }
 
 Eigen::MatrixXd BlockCholesky::solve(const Eigen::MatrixXd& b) const {
+    const SerialOpenMp serial;
     cholmod_dense rhs{};
     rhs.nrow = b.rows();
     rhs.ncol = b.cols();
