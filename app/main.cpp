@@ -22,16 +22,20 @@ int main(int argc, char** argv) {
         "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
     program.name("vio-slam");
     program.set_version_flag("--version", "vio-slam " VIO_VERSION);
-    program.require_subcommand(1);
+    program.require_subcommand(0, 1);
+    vio::app::add_run(program);
+    vio::app::add_import(program);
     vio::app::add_simulate(program);
+    vio::app::add_evaluate(program);
     vio::app::add_render(program);
     vio::app::add_info(program);
     try {
         program.parse(argc, argv);
+        if (program.get_subcommands().empty())
+            return report_error("no command given; see vio-slam --help", 2);
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
-        return report_error(
-            std::string(error.what()) + "; see vio-slam --help, vio-slam run --help", 2);
+        return report_error(std::string(error.what()) + "; see vio-slam --help", 2);
     } catch (const vio::InputError& error) {
         return report_error(error.what(), 1);
     } catch (const std::exception& error) {

@@ -2,11 +2,7 @@
 include(CMakePackageConfigHelpers)
 
 set(vio_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/vio)
-foreach(library vio vio_gui_offscreen)
-  if(TARGET ${library})
-    install(TARGETS ${library} EXPORT vio-targets)
-  endif()
-endforeach()
+install(TARGETS vio vio_gui_offscreen EXPORT vio-targets)
 install(TARGETS vio-slam vio_mrpt_plugin)
 install(EXPORT vio-targets NAMESPACE vio:: DESTINATION ${vio_package_dir})
 foreach(room libvio gui_offscreen)

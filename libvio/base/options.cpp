@@ -130,15 +130,20 @@ void OptionSet::load(const std::string& ini_file) {
     const mrpt::config::CConfigFile ini(ini_file);
     std::vector<std::string> sections;
     ini.getAllSections(sections);
+    bool any = false;
     for (const std::string& section : sections) {
         const bool ours = std::any_of(options_.begin(), options_.end(),
                                       [&](const Option& o) { return o.section == section; });
         if (!ours) continue;
+        any = true;
         std::vector<std::string> keys;
         ini.getAllKeys(section, keys);
         for (const std::string& key : keys)
             assign(ini_file, section, key, ini.read_string(section, key, ""));
     }
+    if (!any)
+        throw InputError(ini_file + ": none of its sections is known here; expected [" +
+                         options_.front().section + "] or others of the same kind");
 }
 
 void OptionSet::set(const std::string& assignment) {

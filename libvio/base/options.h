@@ -33,8 +33,8 @@ class OptionSet {
              std::string help);
 
     /// Reads every option that the file names. Throws InputError (one line: file, section, key) for
-    /// a missing file, an unknown key in one of our sections, or a value that does not parse or
-    /// lies outside its range. Sections that are not ours are left alone.
+    /// a missing file, a file without any of our sections, an unknown key in one of them, or a
+    /// value that does not parse or lies outside its range. Other sections are left alone.
     void load(const std::string& ini_file);
 
     /// Sets one option from "section.name=value"; throws InputError as load() does.

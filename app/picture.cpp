@@ -1,0 +1,57 @@
+#include "app/picture.h"
+
+#include <vector>
+
+#include "gui_offscreen/scene.h"
+#include "gui_offscreen/snapshot.h"
+#include "libvio/evaluation/evaluate.h"
+#include "libvio/io/trajectory_io.h"
+
+namespace vio::app {
+namespace {
+
+// The true path in the estimate's world.
+NamedPath aligned_truth(const Estimate& estimate, const std::string& truth_file) {
+    std::vector<TimedPose> poses;
+    for (const StateEstimate& state : estimate.states) poses.push_back({state.t, state.T_W_B});
+    EvaluationOptions options;
+    options.alignment = estimate.has_scale ? AlignmentKind::kSE3 : AlignmentKind::kSim3;
+    options.truth_name = truth_file;
+    const std::vector<TimedPose> truth = read_trajectory(truth_file);
+    const Similarity S_G_E = evaluate(poses, truth, options).alignment.S_G_E;
+    std::vector<TimedPose> shown;
+    for (const TimedPose& row : vio::apply(S_G_E.inverse(), truth))
+        if (row.t >= poses.front().t && row.t <= poses.back().t) shown.push_back(row);
+    return {"truth", shown};
+}
+
+// Half of the camera's field of view, as tangents.
+Eigen::Vector2d half_view(const Camera& camera) {
+    const Eigen::Vector2d centre(0.5 * (camera.width() - 1), 0.5 * (camera.height() - 1));
+    const auto right = camera.ray({camera.width() - 1, centre.y()});
+    const auto bottom = camera.ray({centre.x(), camera.height() - 1});
+    const auto tangent = [](const std::optional<Ray>& ray, int axis, double otherwise) {
+        if (!ray || ray->direction.z() < 0.2) return otherwise;
+        return ray->direction[axis] / ray->direction.z();
+    };
+    const SceneOptions defaults;
+    return {tangent(right, 0, defaults.half_view.x()), tangent(bottom, 1, defaults.half_view.y())};
+}
+
+}  // namespace
+
+std::string write_picture(const Estimate& estimate, const Rig& rig, const std::string& truth_file,
+                          const std::string& folder) {
+    SceneOptions options;
+    options.T_B_C = rig.T_B_C;
+    options.half_view = half_view(*rig.camera);
+    std::vector<NamedPath> others;
+    if (!truth_file.empty()) others.push_back(aligned_truth(estimate, truth_file));
+    const auto scene = build_scene(estimate, options, others);
+    save_scene(*scene, folder + "/scene.3Dscene");
+    const Snapshot snapshot = render_snapshot(scene);
+    if (snapshot.problem.empty()) save_image(snapshot.image, folder + "/snapshot.png");
+    return snapshot.problem;
+}
+
+}  // namespace vio::app

@@ -1,0 +1,226 @@
+#include "app/pipeline.h"
+
+#include <chrono>
+#include <optional>
+#include <vector>
+
+#include "app/estimator.h"
+#include "app/picture.h"
+#include "app/progress.h"
+#include "libvio/io/results.h"
+#include "libvio/io/trajectory_io.h"
+#include "libvio/tracking/front_end.h"
+
+namespace vio::app {
+namespace {
+
+// Runs work and adds the time that it took to seconds.
+template <typename Work>
+auto timed(double& seconds, Work work) {
+    struct Watch {
+        double& seconds;
+        std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+        ~Watch() {
+            seconds +=
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        }
+    } watch{seconds};
+    return work();
+}
+
+void check_sensors(const Recording& recording, const RunRequest& request) {
+    if (!recording.has_images() && !recording.has_features())
+        throw InputError(request.rawlog +
+                         ": no images and no features; name the camera with --camera-label or give "
+                         "a rawlog that holds CObservationImage");
+    if (!recording.rig().camera)
+        throw InputError(request.rawlog +
+                         ": the camera is not calibrated; give --calibration FILE");
+    if (request.use_imu && !recording.has_imu())
+        throw InputError(
+            request.rawlog +
+            ": no IMU readings; use --sensors image, or name the IMU with --imu-label");
+}
+
+// Whether a measurement lies in the part of the recording that was asked for. IMU readings around
+// it are kept, so that its first and last image lie between readings.
+class Part {
+ public:
+    explicit Part(const RunRequest& request) : request_(request) {}
+
+    bool contains(const Message& message) {
+        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
+        if (!origin_) origin_ = t;
+        const double seconds = to_seconds(t - *origin_);
+        const double margin = std::holds_alternative<ImuReading>(message) ? 0.1 : 0;
+        return seconds >= request_.begin_s - margin && seconds <= request_.end_s + margin;
+    }
+
+ private:
+    const RunRequest& request_;
+    std::optional<TimeNs> origin_;
+};
+
+// Hands measurements to the estimator. An image outside the IMU's readings cannot be estimated with
+// them: it is held back until readings reach it, and dropped if they never do.
+class Feeder {
+ public:
+    Feeder(Estimator& estimator, const RunRequest& request, const Rig& rig, RunReport& report)
+        : estimator_(estimator),
+          use_imu_(request.use_imu),
+          time_offset_(from_seconds(rig.time_offset)),
+          report_(report) {}
+
+    void add(const ImuReading& reading) {
+        if (!use_imu_) return;
+        if (!first_reading_) first_reading_ = reading.t;
+        ++report_.imu_readings;
+        estimator_.add(reading);
+        last_reading_ = reading.t;
+        while (!waiting_.empty() && waiting_.front().t + time_offset_ <= last_reading_) release();
+    }
+
+    void add(const FeatureFrame& frame) {
+        waiting_.push_back(frame);
+        if (!use_imu_ || (first_reading_ && frame.t + time_offset_ <= last_reading_)) release();
+    }
+
+    void finish() {
+        report_.dropped_images += static_cast<int>(waiting_.size());
+        if (!passed_.empty()) report_.duration_s = to_seconds(passed_.back().t - passed_.front().t);
+        report_.images = static_cast<int>(passed_.size());
+    }
+
+    const std::vector<FeatureFrame>& passed() const { return passed_; }
+
+ private:
+    void release() {
+        FeatureFrame frame = std::move(waiting_.front());
+        waiting_.erase(waiting_.begin());
+        if (use_imu_ && frame.t + time_offset_ < *first_reading_) {
+            ++report_.dropped_images;
+            return;
+        }
+        estimator_.add(frame);
+        passed_.push_back(std::move(frame));
+    }
+
+    Estimator& estimator_;
+    bool use_imu_;
+    TimeNs time_offset_;
+    RunReport& report_;
+    std::optional<TimeNs> first_reading_;
+    TimeNs last_reading_ = 0;
+    std::vector<FeatureFrame> waiting_;  // in order of time
+    std::vector<FeatureFrame> passed_;
+};
+
+// Reads to the end of the file, or to where it is damaged.
+void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator& estimator,
+                    Feeder& feeder, Part part, RunReport& report) {
+    const auto next = [&]() -> std::optional<Message> {
+        try {
+            return timed(report.input_output_s, [&] { return recording.next(); });
+        } catch (const InputError& damage) {
+            report.damage = damage.what();
+            return std::nullopt;
+        }
+    };
+    const auto feed = [&](const std::vector<FeatureFrame>& frames) {
+        timed(report.estimation_s, [&] {
+            for (const FeatureFrame& frame : frames) feeder.add(frame);
+        });
+    };
+    Progress progress("reading");
+    while (const std::optional<Message> message = next()) {
+        if (!part.contains(*message)) continue;
+        if (const auto* reading = std::get_if<ImuReading>(&*message))
+            timed(report.estimation_s, [&] { feeder.add(*reading); });
+        feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
+        front_end.set_gyro_bias(estimator.gyro_bias());
+        progress.update(recording.progress());
+    }
+    feed(timed(report.tracking_s, [&] { return front_end.finish(); }));
+    feeder.finish();
+}
+
+void summarise(const Estimate& estimate, RunReport& report) {
+    report.poses = static_cast<int>(estimate.states.size());
+    report.landmarks = static_cast<int>(estimate.landmarks.size());
+    for (std::size_t i = 0; i < estimate.states.size(); ++i) {
+        report.lost_poses += estimate.states[i].lost;
+        if (i > 0)
+            report.path_length_m +=
+                (estimate.states[i].T_W_B.p - estimate.states[i - 1].T_W_B.p).norm();
+    }
+}
+
+nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
+    nlohmann::json json;
+    json["rawlog"] = request.rawlog;
+    json["estimator"] = request.estimator;
+    json["sensors"] = request.use_imu ? "image+imu" : "image";
+    json["estimator_report"] = report.estimator_says;
+    json["events"] = nlohmann::json::array();
+    for (const StatusEntry& event : report.events)
+        json["events"].push_back({{"t_ns", event.t}, {"text", event.text}});
+    json["imu_readings"] = report.imu_readings;
+    json["images_in_recording"] = report.images + report.dropped_images;
+    json["dropped_images"] = report.dropped_images;
+    json["lost_poses"] = report.lost_poses;
+    json["input_output_s"] = report.input_output_s;
+    json["tracking_s"] = report.tracking_s;
+    json["estimation_s"] = report.estimation_s;
+    if (report.duration_s > 0)
+        json["real_time_ratio"] = report.duration_s / (report.tracking_s + report.estimation_s);
+    if (!report.damage.empty()) json["damage"] = report.damage;
+    return json;
+}
+
+void write(const Estimator& estimator, const Rig& rig, const Feeder& feeder,
+           const RunRequest& request, const RunReport& report) {
+    OptionSet options;
+    PipelineOptions effective = request.options;
+    effective.describe(options);
+    write_results(request.output,
+                  {estimator.estimate(), rig, select_keyframes(feeder.passed()), options.to_ini(),
+                   to_json(report, request)},
+                  request.overwrite);
+}
+
+}  // namespace
+
+void PipelineOptions::describe(OptionSet& options) {
+    tracker.describe(options);
+    batch.describe(options);
+    iekf.describe(options);
+}
+
+RunReport run_pipeline(const RunRequest& request) {
+    check_results_folder(request.output, request.overwrite);
+    RunReport report;
+    Recording recording(request.rawlog, request.recording);
+    check_sensors(recording, request);
+    TrackingFrontEnd front_end(request.options.tracker, recording.rig(), request.use_imu);
+    const auto estimator = make_estimator(request, recording.rig());
+    Feeder feeder(*estimator, request, recording.rig(), report);
+
+    read_and_track(recording, front_end, *estimator, feeder, Part(request), report);
+    timed(report.estimation_s, [&] { estimator->finish(); });
+    report.estimator_says = estimator->report();
+    report.events = estimator->events();
+    if (estimator->estimate().states.empty())
+        throw InputError(report.damage.empty() ? request.rawlog + ": no pose could be estimated (" +
+                                                     report.estimator_says + ")"
+                                               : report.damage);
+    summarise(estimator->estimate(), report);
+    timed(report.input_output_s,
+          [&] { write(*estimator, recording.rig(), feeder, request, report); });
+    report.picture_problem = timed(report.picture_s, [&] {
+        return write_picture(estimator->estimate(), recording.rig(), request.truth_file,
+                             request.output);
+    });
+    return report;
+}
+
+}  // namespace vio::app

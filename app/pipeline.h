@@ -1,0 +1,59 @@
+// The main job from end to end: a rawlog in, a results folder out.
+#pragma once
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "libvio/base/options.h"
+#include "libvio/batch/batch.h"
+#include "libvio/io/recording.h"
+#include "libvio/recursive/iekf.h"
+#include "libvio/tracking/tracker.h"
+
+namespace vio::app {
+
+/// Options of every stage that a run goes through.
+struct PipelineOptions {
+    TrackerOptions tracker;
+    BatchOptions batch;
+    IekfOptions iekf;
+
+    void describe(OptionSet& options);
+};
+
+struct RunRequest {
+    std::string rawlog;
+    RecordingOptions recording;
+    std::string estimator = "iekf";  ///< batch | iekf
+    bool use_imu = true;             ///< false: from images alone
+    std::string output;              ///< results folder
+    bool overwrite = false;          ///< results that are in the folder already
+    std::string truth_file;          ///< drawn into the picture; empty: none
+    std::string fiducials_file;      ///< known points for the batch estimator; empty: none
+    double begin_s = 0;              ///< part of the recording: seconds from its first measurement
+    double end_s = std::numeric_limits<double>::infinity();
+    PipelineOptions options;
+};
+
+/// What a run did, for people and for summary.json.
+struct RunReport {
+    int images = 0;          ///< that reached the estimator
+    int dropped_images = 0;  ///< outside the IMU's readings
+    int imu_readings = 0;
+    double duration_s = 0;  ///< from the first to the last of these images
+    int poses = 0, lost_poses = 0, landmarks = 0;
+    double path_length_m = 0;
+    std::string estimator_says;       ///< how the estimate went, in words
+    std::vector<StatusEntry> events;  ///< starts, losses of track
+    double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;
+    std::string picture_problem;  ///< why there is no picture; empty: there is one
+    std::string damage;           ///< why reading stopped early; empty: the whole file was read
+};
+
+/// Runs the estimator over the rawlog and writes the results folder with its picture. Where the
+/// rawlog is damaged midway, the results up to there are written and RunReport::damage says so.
+/// Throws InputError where nothing can be estimated.
+RunReport run_pipeline(const RunRequest& request);
+
+}  // namespace vio::app

@@ -1,0 +1,118 @@
+// vio-slam run: the motion behind a rawlog.
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <vector>
+
+#include "app/commands.h"
+#include "app/pipeline.h"
+
+namespace vio::app {
+namespace {
+
+struct Arguments {
+    RunRequest request;
+    std::string sensors = "image+imu", start, config;
+    std::vector<std::string> assignments;
+    bool print_options = false;
+};
+
+// Built-in defaults, then the file, then the command line.
+void apply_options(Arguments& arguments, OptionSet& options) {
+    if (!arguments.config.empty()) options.load(arguments.config);
+    for (const std::string& assignment : arguments.assignments) options.set(assignment);
+    if (!arguments.start.empty()) arguments.request.options.batch.start = arguments.start;
+}
+
+void print(const RunReport& r, const RunRequest& request) {
+    std::printf("images      %d over %.2f s, %d IMU readings\n", r.images, r.duration_s,
+                r.imu_readings);
+    if (r.dropped_images > 0)
+        std::printf("dropped     %d images outside the IMU readings\n", r.dropped_images);
+    std::printf("estimate    %d poses, path %.2f m, %d landmarks; %s\n", r.poses, r.path_length_m,
+                r.landmarks, r.estimator_says.c_str());
+    for (const StatusEntry& event : r.events)
+        std::printf("            %.3f s: %s\n", to_seconds(event.t), event.text.c_str());
+    if (r.lost_poses > 0) std::printf("lost        track of %d of these poses\n", r.lost_poses);
+    std::printf("time        tracking %.2f s, %s %.2f s, input and output %.2f s", r.tracking_s,
+                request.estimator == "batch" ? "batch" : "filter", r.estimation_s,
+                r.input_output_s);
+    if (r.duration_s > 0)
+        std::printf("; %.1f x real time", r.duration_s / (r.tracking_s + r.estimation_s));
+    std::printf("\nresults     %s\n", request.output.c_str());
+    if (r.picture_problem.empty())
+        std::printf("picture     %s/snapshot.png\n", request.output.c_str());
+    else
+        std::printf("picture     none: %s\n", r.picture_problem.c_str());
+    std::fflush(stdout);
+}
+
+void run(Arguments arguments) {
+    RunRequest& request = arguments.request;
+    OptionSet options;
+    request.options.describe(options);
+    apply_options(arguments, options);
+    if (arguments.print_options) {
+        std::cout << options.to_ini();
+        return;
+    }
+    if (request.rawlog.empty()) throw InputError("RAWLOG is missing; see vio-slam run --help");
+    if (request.output.empty())
+        throw InputError("--output DIR is missing: the folder for the results");
+    if (!request.fiducials_file.empty() && request.estimator != "batch")
+        throw InputError("--fiducials is for --estimator batch");
+    request.use_imu = arguments.sensors == "image+imu";
+    const RunReport report = run_pipeline(request);
+    print(report, request);
+    if (!report.damage.empty())
+        throw InputError(report.damage + "; the results up to there are in " + request.output);
+}
+
+}  // namespace
+
+void add_run(CLI::App& program) {
+    CLI::App* command =
+        program.add_subcommand("run", "Estimate motion and structure from a rawlog");
+    auto arguments = std::make_shared<Arguments>();
+    RunRequest& request = arguments->request;
+    command->add_option("RAWLOG", request.rawlog, "MRPT rawlog with images or features, and IMU");
+    command->add_option("-o,--output", request.output, "Folder for the results (made if missing)");
+    command->add_option("--estimator", request.estimator, "Recursive filter or batch")
+        ->check(CLI::IsMember({"iekf", "batch"}))
+        ->capture_default_str();
+    command->add_option("--sensors", arguments->sensors, "What to estimate from")
+        ->check(CLI::IsMember({"image+imu", "image"}))
+        ->capture_default_str();
+    command
+        ->add_option("--start", arguments->start,
+                     "Where the batch estimate starts (short for --set batch.start=...)")
+        ->check(CLI::IsMember({"blind", "staged"}));
+    command->add_option("--config", arguments->config, "INI file with options");
+    command
+        ->add_option("--set", arguments->assignments,
+                     "One option as section.name=value; may be repeated")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    command->add_option("--calibration", request.recording.calibration_file,
+                        "Calibration that overrides the rawlog's (share/formats.md)");
+    command->add_option("--camera-label", request.recording.camera_label,
+                        "Camera to use; default: the first in the rawlog");
+    command->add_option("--imu-label", request.recording.imu_label,
+                        "IMU to use; default: the first in the rawlog");
+    command->add_option("--truth", request.truth_file,
+                        "True trajectory (TUM or EuRoC), drawn into the picture");
+    command
+        ->add_option("--from", request.begin_s,
+                     "Leave out what is before, counted from the first measurement [s]")
+        ->check(CLI::NonNegativeNumber);
+    command->add_option("--to", request.end_s, "Leave out what is after [s]")
+        ->check(CLI::PositiveNumber);
+    command->add_option("--fiducials", request.fiducials_file,
+                        "Known points for the batch estimator: rows feature_id,x,y,z [m]");
+    command->add_flag("--overwrite", request.overwrite, "Replace results that are in the folder");
+    command->add_flag("--print-options", arguments->print_options,
+                      "Print every option with unit, range and help, as an INI file, and stop");
+    command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace vio::app

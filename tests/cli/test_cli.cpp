@@ -1,0 +1,198 @@
+// Every sub-command tells bad input in one clear line and a non-zero exit code.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "libvio/camera/perspective.h"
+#include "libvio/io/rawlog_writer.h"
+#include "tests/cli/program.h"
+#include "tests/unit/scratch_folder.h"
+
+namespace vio::test {
+namespace {
+
+Rig calibrated_rig() {
+    PerspectiveParameters p;
+    p.width = 64, p.height = 48;
+    p.fx = p.fy = 50, p.cx = 31.5, p.cy = 23.5;
+    Rig rig;
+    rig.camera = std::make_shared<PerspectiveCamera>(p);
+    return rig;
+}
+
+struct Content {
+    bool imu = true, images = true, calibration = true;
+};
+
+// One second of a rig at rest: well-formed, whatever can be estimated from it.
+void write_rawlog(const std::string& file, const Content& content) {
+    constexpr TimeNs kStart = 1'600'000'000'000'000'000, kStep = 5'000'000;
+    Rig rig = calibrated_rig();
+    if (!content.calibration) rig.camera.reset();
+    RawlogWriter writer(file, rig);
+    cv::Mat image(48, 64, CV_8UC1);
+    cv::RNG rng(1);
+    for (int i = 0; i <= 200; ++i) {
+        const TimeNs t = kStart + i * kStep;
+        if (content.imu) writer.write(ImuReading{t, {0, 0, 0}, {0, 0, 9.81}});
+        if (content.images && i % 10 == 5) {
+            rng.fill(image, cv::RNG::UNIFORM, 0, 255);
+            writer.write(ImageMessage{t, image.clone()});
+        }
+    }
+    writer.finish();
+}
+
+void write_text(const std::string& file, const std::string& text) {
+    std::ofstream(file) << text;
+}
+
+class Cli : public ::testing::Test {
+ protected:
+    ProgramResult run(const std::string& arguments) {
+        return vio_slam(arguments, folder_.path().string());
+    }
+
+    std::string rawlog(const Content& content) {
+        const std::string file = folder_ / "input.rawlog";
+        write_rawlog(file, content);
+        return file;
+    }
+
+    std::string truncated_rawlog() {
+        const std::string file = rawlog({});
+        std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+        return file;
+    }
+
+    // One line on stderr that begins as promised and contains each of the words.
+    void expect_error(const std::string& arguments, const std::vector<std::string>& words) {
+        const ProgramResult result = run(arguments);
+        EXPECT_GT(result.exit_code, 0) << arguments;
+        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+        EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
+        for (const std::string& word : words)
+            EXPECT_NE(result.err.find(word), std::string::npos)
+                << arguments << "\n\"" << word << "\" is not in: " << result.err;
+    }
+
+    std::string output() const { return " --output " + folder_ / "out"; }
+
+    ScratchFolder folder_;
+};
+
+TEST_F(Cli, HelpOfEveryCommandGoesToStandardOutput) {
+    for (const char* command :
+         {"", "run", "import", "import asl", "simulate", "evaluate", "render", "info"}) {
+        const ProgramResult result = run(std::string(command) + " --help");
+        EXPECT_EQ(result.exit_code, 0) << command;
+        EXPECT_NE(result.out.find("--help"), std::string::npos) << command;
+        EXPECT_EQ(result.err, "") << command;
+    }
+    EXPECT_EQ(run("--version").out.rfind("vio-slam ", 0), 0u);
+}
+
+TEST_F(Cli, WrongUseIsOneLine) {
+    expect_error("", {"command"});
+    expect_error("fly", {"fly"});
+    expect_error("run --estimator magic x.rawlog" + output(), {"--estimator", "magic"});
+    expect_error("run x.rawlog", {"--output"});
+    expect_error("run --set tracker.no_such_option=1 --print-options", {"no_such_option"});
+    expect_error("evaluate x", {"--truth"});
+}
+
+TEST_F(Cli, MissingFile) {
+    const std::string gone = folder_ / "gone";
+    write_text(folder_ / "truth.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 1 1 0 0 0 0 1\n");
+    expect_error("run " + gone + output(), {gone});
+    expect_error("run " + rawlog({}) + " --config " + gone + output(), {gone});
+    expect_error("run " + rawlog({}) + " --calibration " + gone + output(), {gone});
+    expect_error("import asl " + gone + " -o " + folder_ / "x.rawlog", {gone});
+    expect_error("simulate " + gone + " -o " + folder_ / "x.rawlog", {gone});
+    expect_error("evaluate " + gone + " --truth " + folder_ / "truth.tum", {gone});
+    expect_error("evaluate " + folder_ / "truth.tum" + " --truth " + gone, {gone});
+    expect_error("render " + gone + " -o " + folder_ / "x.png", {gone});
+    expect_error("info " + gone, {gone});
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "x.rawlog"));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "x.png"));
+}
+
+TEST_F(Cli, TruncatedRawlog) {
+    const std::string file = truncated_rawlog();
+    expect_error("run " + file + output(), {file});
+    expect_error("info " + file, {file});
+    write_text(folder_ / "truth.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 1 1 0 0 0 0 1\n");
+    expect_error("evaluate " + folder_ / "truth.tum" + " --truth " + folder_ / "truth.tum" +
+                     " --rawlog " + file,
+                 {file});
+}
+
+TEST_F(Cli, ForeignFile) {
+    const std::string file = folder_ / "foreign.rawlog";
+    write_text(file, "This is no rawlog.\n");
+    expect_error("run " + file + output(), {file});
+    expect_error("info " + file, {file});
+    expect_error("render " + file + " -o " + folder_ / "x.png", {file});
+    expect_error("evaluate " + file + " --truth " + file, {file});
+    expect_error("import asl " + file + " -o " + folder_ / "x.rawlog", {file});
+    expect_error("simulate " + file + " -o " + folder_ / "x.rawlog", {file});
+}
+
+TEST_F(Cli, RunWithoutImu) {
+    const std::string file = rawlog({.imu = false});
+    for (const char* estimator : {"batch", "iekf"})
+        expect_error("run " + file + " --estimator " + estimator + output(),
+                     {file, "no IMU", "--sensors image"});
+    EXPECT_EQ(run("info " + file).exit_code, 0);
+}
+
+TEST_F(Cli, RunWithoutImages) {
+    const std::string file = rawlog({.images = false});
+    expect_error("run " + file + output(), {file, "no images", "--camera-label"});
+    EXPECT_EQ(run("info " + file).exit_code, 0);
+}
+
+TEST_F(Cli, RunWithoutCalibration) {
+    const std::string file = rawlog({.calibration = false});
+    expect_error("run " + file + output(), {file, "not calibrated", "--calibration FILE"});
+    EXPECT_EQ(run("info " + file).exit_code, 0);
+}
+
+TEST_F(Cli, RunWithUnknownLabel) {
+    const std::string file = rawlog({});
+    expect_error("run " + file + " --camera-label left" + output(), {file, "left"});
+    expect_error("run " + file + " --imu-label xsens" + output(), {file, "xsens"});
+}
+
+TEST_F(Cli, RunKeepsResultsThatAreThere) {
+    std::filesystem::create_directories(folder_ / "out");
+    write_text(folder_ / "out/trajectory.tum", "0 0 0 0 0 0 0 1\n");
+    expect_error("run " + rawlog({}) + output(), {folder_ / "out", "overwrite"});
+    EXPECT_EQ(read_text(folder_ / "out/trajectory.tum"), "0 0 0 0 0 0 0 1\n");
+}
+
+TEST_F(Cli, PrintedOptionsLoadAgain) {
+    const ProgramResult first = run("run --print-options --set batch.max_iterations=17");
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    EXPECT_NE(first.out.find("max_iterations = 17"), std::string::npos);
+    write_text(folder_ / "options.ini", first.out);
+    EXPECT_EQ(run("run --print-options --config " + folder_ / "options.ini").out, first.out);
+}
+
+TEST_F(Cli, RenderRefusesImpossibleSizes) {
+    for (const char* size : {"abc", "10x10", "1281x720", "1280x720x3"})
+        expect_error("render x.3Dscene -o x.png --size " + std::string(size), {"--size", size});
+}
+
+TEST_F(Cli, InfoListsStreamsAndCalibration) {
+    const ProgramResult result = run("info " + rawlog({}));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    for (const char* word : {"cam0", "imu0", "CObservationImage", "CObservationIMU", "200.00 Hz",
+                             "20.00 Hz", "T_B_C", "T_C_B", "perspective, 64 x 48 px"})
+        EXPECT_NE(result.out.find(word), std::string::npos) << word << " is not in\n" << result.out;
+}
+
+}  // namespace
+}  // namespace vio::test

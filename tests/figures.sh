@@ -1,0 +1,78 @@
+#!/usr/bin/env bash
+# Measures every figure that the README states and prints them as one table:
+#   tests/figures.sh [DATA_DIR]
+# DATA_DIR holds euroc_mh01_15s and euroc_imu_april (default: $VIO_DATA, else ../shared/data);
+# rows of absent data are left out. Needs ./run test's build. Runs on one core, one row after the
+# other; results go to out/figures.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+readonly DATA=${1:-${VIO_DATA:-../shared/data}}
+readonly OUT=out/figures
+readonly VIO_SLAM=build/release/app/vio-slam
+mkdir -p "$OUT"
+
+# json FILE KEY [KEY]: a number of a machine-readable file.
+json() {
+    tr -d ' \n' <"$1" | grep -o "\"$2\":${3:+{[^\}]*\"$3\":}[-0-9.e]*" | head -n 1 | sed 's/.*://'
+}
+
+# row NAME RAWLOG TRUTH ALIGNMENT START_OFFSET RUN_ARGUMENTS...
+# Completion counts the images from START_OFFSET [s] after the first on; "part": those of the part
+# that was run.
+row() {
+    local name=$1 rawlog=$2 truth=$3 align=$4 offset=$5
+    shift 5
+    local result="$OUT/${name//[^A-Za-z0-9]/_}"
+    if ! taskset -c 0 "$VIO_SLAM" run "$rawlog" --output "$result" --overwrite "$@" \
+        >"$result.log" 2>&1; then
+        printf '%-34s failed: %s\n' "$name" "$(tail -n 1 "$result.log")"
+        return
+    fi
+    local images=()
+    [[ $offset == part ]] || images=(--rawlog "$rawlog" --start-offset "$offset")
+    "$VIO_SLAM" evaluate "$result" --truth "$truth" --align "$align" "${images[@]}" --json \
+        >"$result.json"
+    printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f\n' "$name" \
+        "$(awk -v x="$(json "$result.json" position_m rmse)" 'BEGIN { print 100 * x }')" \
+        "$(awk -v x="$(json "$result.json" position_m max)" 'BEGIN { print 100 * x }')" \
+        "$(json "$result.json" rotation_deg rmse)" \
+        "$(awk -v x="$(json "$result.json" scale_error)" 'BEGIN { print 100 * x }')" \
+        "$(awk -v x="$(json "$result.json" completion share)" 'BEGIN { print 100 * x }')" \
+        "$(json "$result/summary.json" tracking_s)" \
+        "$(json "$result/summary.json" estimation_s)" \
+        "$(json "$result/summary.json" real_time_ratio)"
+}
+
+readonly HEADER='%-34s %8s %8s %7s %8s %8s %8s %8s %6s\n'
+# shellcheck disable=SC2059
+printf "$HEADER" "" position maximum rotat. scale complete tracking estimate speed
+# shellcheck disable=SC2059
+printf "$HEADER" "" "RMSE cm" cm "RMSE o" "error %" "" s s "x real"
+
+demo=(datasets/demo.rawlog datasets/demo.truth.tum sim3 0)
+row "demo, batch from blind start" "${demo[@]}" --estimator batch --start blind
+row "demo, IEKF" "${demo[@]}" --estimator iekf
+
+if [[ -d $DATA/euroc_mh01_15s ]]; then
+    "$VIO_SLAM" import asl "$DATA/euroc_mh01_15s" -o "$OUT/mh01.rawlog" >/dev/null
+    mh01=("$OUT/mh01.rawlog" "$OUT/mh01.truth.tum" se3 2)
+    row "MH_01 15 s, batch" "${mh01[@]}" --estimator batch
+    row "MH_01 15 s, IEKF" "${mh01[@]}" --estimator iekf
+fi
+
+if [[ -d $DATA/euroc_imu_april ]]; then
+    sh tests/make_april_asl.sh "$DATA/euroc_imu_april" "$OUT/april_asl"
+    "$VIO_SLAM" import asl "$OUT/april_asl" -o "$OUT/april.rawlog" >/dev/null
+    build/release/tests/vio_board_truth "$OUT/april.rawlog" "$DATA/euroc_imu_april/target.csv" \
+        "$OUT/board.tum" >/dev/null
+    april=("$OUT/april.rawlog" "$OUT/board.tum" se3)
+    for begin in 0 10 20 30 40 50; do
+        row "board, batch $begin-$((begin + 20)) s" "${april[@]}" part --estimator batch \
+            --from "$begin" --to "$((begin + 20))"
+    done
+    row "board, batch 20-40 s, fiducials" "$OUT/april.rawlog" "$OUT/board.tum" none part \
+        --estimator batch --from 20 --to 40 \
+        --fiducials "$DATA/euroc_imu_april/target.csv"
+    row "board, IEKF, 72 s" "${april[@]}" 0 --estimator iekf
+fi
