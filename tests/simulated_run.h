@@ -22,7 +22,7 @@ struct SimulatedRunOptions {
     int longest_track = 120;  ///< images
     double sigma_px = 1;
     double outliers = 0;  ///< share of observations that are anywhere in the image
-    ImuNoise noise{1.7e-4, 2e-3, 2e-5, 3e-3};
+    ImuNoise noise{1.7e-4, 2e-3, 2e-5, 3e-3, 0};
     double time_offset = 0;  ///< [s]
 };
 

@@ -7,7 +7,6 @@ namespace vio {
 PreintegratedImu::PreintegratedImu(const std::vector<ImuSegment>& segments, const ImuBias& bias,
                                    const ImuNoise& noise)
     : bias_(bias) {
-    const double gyro_density2 = noise.gyro_noise_density * noise.gyro_noise_density;
     const double accel_density2 = noise.accel_noise_density * noise.accel_noise_density;
     const Eigen::Vector3d no_gravity = Eigen::Vector3d::Zero();
     IntegrationJacobian J;
@@ -19,7 +18,8 @@ PreintegratedImu::PreintegratedImu(const std::vector<ImuSegment>& segments, cons
         d_bias_.leftCols<3>() -= J.G_gyro;
         d_bias_.rightCols<3>() -= J.G_accel;
         covariance_ = (J.F * covariance_ * J.F.transpose()).eval();
-        covariance_ += J.G_gyro * J.G_gyro.transpose() * (gyro_density2 / segment.dt);
+        covariance_ += J.G_gyro * J.G_gyro.transpose() *
+                       (noise.gyro_density2(unbiased.gyro.norm()) / segment.dt);
         covariance_ += J.G_accel * J.G_accel.transpose() * (accel_density2 / segment.dt);
         duration_ += segment.dt;
     }

@@ -45,6 +45,12 @@ struct Entry {
         return value_given;
     }
 
+    double share() const {
+        const double value_given = number();
+        if (!(value_given >= 0 && value_given < 1)) throw error("must be from 0 to 1");
+        return value_given;
+    }
+
     int size_px() const {
         const double value_given = positive();
         if (value_given != std::floor(value_given) || value_given > 100000)
@@ -114,6 +120,8 @@ void apply_imu(const Entry& e, Rig& rig) {
         noise.gyro_bias_random_walk = e.positive();
     else if (e.key == "accel_bias_random_walk")
         noise.accel_bias_random_walk = e.positive();
+    else if (e.key == "gyro_sensitivity_error")
+        noise.gyro_sensitivity_error = e.share();
     else if (e.key == "T_B_I")
         rig.T_B_I = e.pose();
     else if (e.key == "time_offset_s")
@@ -162,6 +170,8 @@ std::string imu_section(const Rig& rig, bool with_pose) {
         format(n.gyro_bias_random_walk));
     put(text, "random walk of the bias [m/s^3/sqrt(Hz)]", "accel_bias_random_walk",
         format(n.accel_bias_random_walk));
+    put(text, "gyro errors that follow the motion (scale, alignment), share of the rate [-]",
+        "gyro_sensitivity_error", format(n.gyro_sensitivity_error));
     put(text, "t_imu = t_cam + time_offset [s]", "time_offset_s", format(rig.time_offset));
     if (with_pose)
         put(text, "IMU in the vehicle frame: x y z [m] qx qy qz qw", "T_B_I", pose_text(rig.T_B_I));

@@ -42,7 +42,7 @@ std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& opti
     if (!use_imu) return make_image_only_motion(variances);
     if (options.motion == "smooth")
         return make_smooth_motion(rig.imu_noise, variances, kGravitySigma);
-    return make_imu_driven_motion(rig.imu_noise, {options.gyro_sensitivity_error});
+    return make_imu_driven_motion(rig.imu_noise);
 }
 
 WindowOptions window_options(const Rig& rig, const IekfOptions& options) {

@@ -20,8 +20,6 @@ struct IekfOptions {
     int max_iterations = 3;
     double gate = 0.999;  ///< probability that a good innovation passes
 
-    double gyro_sensitivity_error = 0.003;  ///< share of what is measured [-]
-
     int prefix_images = 60;
     double start_velocity_sigma = 0.5;  ///< [m/s]
     double start_tilt_sigma = 0.1;      ///< [rad]

@@ -16,10 +16,6 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("max_iterations", &max_iterations, "", {1, 20}, "iterations of an image update");
     options.add("gate", &gate, "", {0.5, 0.999999},
                 "probability that a correct feature passes the innovation gate");
-    options.add(
-        "gyro_sensitivity_error", &gyro_sensitivity_error, "", {0, 1},
-        "errors of the gyro that follow the motion (scale, alignment, time stamps) as a share "
-        "of what it measures; 0 for a simulated gyro without them");
     options.add("prefix_images", &prefix_images, "images", {3, 1000},
                 "images of the batch estimate that starts the filter");
     options.add("start_velocity_sigma", &start_velocity_sigma, "m/s", {1e-3, 100},

@@ -25,8 +25,7 @@ double squared(double x) {
 
 class ImuDrivenMotion final : public MotionModel {
  public:
-    ImuDrivenMotion(const ImuNoise& noise, const GyroSensitivityError& sensitivity)
-        : noise_(noise), sensitivity_(sensitivity) {}
+    explicit ImuDrivenMotion(const ImuNoise& noise) : noise_(noise) {}
 
     void advance(FilterState& state, const ImuReading& from, const ImuReading& to) const override {
         const double dt = to_seconds(to.t - from.t);
@@ -40,9 +39,8 @@ class ImuDrivenMotion final : public MotionModel {
         core.T_W_I = {moving.R, moving.p};
         core.v_W = moving.v;
 
-        const double following = squared(sensitivity_.share) * segment.gyro.squaredNorm();
         // Variances of the mean over dt.
-        double gyro = (squared(noise_.gyro_noise_density) + following * sensitivity_.time) / dt;
+        double gyro = noise_.gyro_density2(segment.gyro.norm()) / dt;
         double accel = squared(noise_.accel_noise_density) / dt;
         if (dt > kLargestGap) {
             gyro += squared(kUnseenAngularRate);
@@ -73,7 +71,6 @@ class ImuDrivenMotion final : public MotionModel {
 
  private:
     ImuNoise noise_;
-    GyroSensitivityError sensitivity_;
 };
 
 // Adds to the covariance of an n-fold integrated random walk: x[0] is the walk (variance q per
@@ -217,9 +214,8 @@ Vector6d inertial_residual(const CoreState& core, const ImuReading& reading, con
     return residual;
 }
 
-std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise,
-                                                    const GyroSensitivityError& sensitivity) {
-    return std::make_unique<ImuDrivenMotion>(noise, sensitivity);
+std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise) {
+    return std::make_unique<ImuDrivenMotion>(noise);
 }
 
 std::unique_ptr<MotionModel> make_smooth_motion(const ImuNoise& noise,

@@ -16,14 +16,6 @@ struct SmoothnessVariances {
     double image_position = 0.3;  ///< image-only [m^2/s]
 };
 
-/// Gyro errors that follow the motion: scale, alignment, time stamps. Their share of what is
-/// measured, and how long they stay alike; as process noise, (share |rate|)^2 time is added to the
-/// squared noise density. (The accelerometer's are mostly constant: bias takes them up.)
-struct GyroSensitivityError {
-    double share = 0;    ///< [-]
-    double time = 0.25;  ///< [s]
-};
-
 class MotionModel {
  public:
     virtual ~MotionModel() = default;
@@ -47,8 +39,7 @@ class MotionModel {
 
 /// Readings drive the motion: attitude, position and velocity are integrated from the mean of
 /// consecutive readings, whose noise is the process noise; biases are random walks.
-std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise,
-                                                    const GyroSensitivityError& sensitivity);
+std::unique_ptr<MotionModel> make_imu_driven_motion(const ImuNoise& noise);
 
 /// The paper's: angular velocity (in I) and acceleration (in W) are random walks; readings are
 /// measurements. Gravity is part of the state; gravity_sigma [m/s^2] is its first uncertainty.

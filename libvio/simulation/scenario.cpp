@@ -217,6 +217,8 @@ Simulation::Simulation(const ScenarioOptions& options)
     rig_.T_B_C = pose_option(options.camera_pose, "[camera] pose");
     rig_.T_B_I = pose_option(options.imu_pose, "[imu] pose");
     rig_.imu_noise = options.imu.noise;
+    rig_.imu_noise.gyro_sensitivity_error =
+        std::hypot(options.gyro_scale_sigma, options.misalignment_sigma);
     rig_.time_offset = options.time_offset_s;
 
     const double span = trajectory_->end() - options.first_image_s;

@@ -51,7 +51,6 @@ Nees measured(const IekfOptions& options, int seeds, double seconds) {
 
 IekfOptions simulated_sensor() {
     IekfOptions options;
-    options.gyro_sensitivity_error = 0;  // the simulated gyro has none
     return options;
 }
 

@@ -173,7 +173,7 @@ double largest_gain(const std::string& model, bool invariant) {
     const test::SimulatedRun run = test::simulate_run({.seconds = 4, .features = 40});
     const Pose T_I_C = run.rig.T_I_C();
     const auto motion = model == "smooth" ? make_smooth_motion(run.rig.imu_noise, {1e3, 1e3}, 0.02)
-                                          : make_imu_driven_motion(run.rig.imu_noise, {});
+                                          : make_imu_driven_motion(run.rig.imu_noise);
     CoreState core;
     core.T_W_I = run.truth[0].T_W_B * run.rig.T_B_I;
     core.v_W = test::SimulatedPath::velocity(0.37 / 20);

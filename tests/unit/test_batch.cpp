@@ -16,7 +16,7 @@ test::SimulatedRun short_run(double sigma_px = 1, bool noisy_imu = true) {
     options.features = 30;
     options.longest_track = 8;
     options.sigma_px = sigma_px;
-    if (!noisy_imu) options.noise = {1e-9, 1e-8, 1e-9, 1e-8};
+    if (!noisy_imu) options.noise = {1e-9, 1e-8, 1e-9, 1e-8, 0};
     return simulate_run(options);
 }
 
@@ -192,7 +192,7 @@ TEST(Batch, BlindStartFindsTheTruthWithoutNoise) {
     options.seconds = 2;
     options.sigma_px = 1e-3;
     options.imu_hz = 1000;  // leaves the integration's own error behind
-    options.noise = {1e-6, 1e-5, 1e-7, 1e-6};
+    options.noise = {1e-6, 1e-5, 1e-7, 1e-6, 0};
     const auto run = simulate_run(options);
     BatchOptions batch;
     batch.start = "blind";

@@ -126,7 +126,7 @@ void check_transition(const MotionModel& motion, CoreKind kind) {
 }
 
 TEST(IekfMotion, TransitionsMatchDifferences) {
-    check_transition(*make_imu_driven_motion({}, {}), CoreKind::inertial);
+    check_transition(*make_imu_driven_motion({}), CoreKind::inertial);
     check_transition(*make_smooth_motion({}, {}, 0.1), CoreKind::smooth);
 }
 

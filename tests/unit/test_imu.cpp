@@ -22,7 +22,7 @@ Vector9d boxminus(const InertialState& a, const InertialState& b) {
 }
 
 class Imu : public ::testing::Test {
-   protected:
+ protected:
     Eigen::Vector3d random(double scale) {
         return scale * Eigen::Vector3d(uniform_(engine_), uniform_(engine_), uniform_(engine_));
     }
@@ -85,8 +85,8 @@ TEST_F(Imu, BiasCorrectionIsFirstOrder) {
     const ImuBias moved{bias.gyro + dg, bias.accel + da};
     const PreintegratedImu exact(segments, moved, {});
     const InertialState start = random_state();
-    EXPECT_LT(
-        boxminus(at_bias.predict(start, moved, g_), exact.predict(start, moved, g_)).norm(), 1e-7);
+    EXPECT_LT(boxminus(at_bias.predict(start, moved, g_), exact.predict(start, moved, g_)).norm(),
+              1e-7);
 }
 
 TEST_F(Imu, ResidualJacobiansMatchCentralDifferences) {

@@ -11,7 +11,12 @@ PerspectiveParameters arm_camera() {  // Table 3 of the paper
     return {640, 240, 834.18, 419.88, 317.34, 105.30, {-0.290, 0.557, -0.00621, -0.00066}};
 }
 PerspectiveParameters mav_camera() {
-    return {752, 480, 458.654, 457.296, 367.215, 248.375,
+    return {752,
+            480,
+            458.654,
+            457.296,
+            367.215,
+            248.375,
             {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}};
 }
 PerspectiveParameters rational_camera() {
@@ -36,8 +41,8 @@ TEST_P(Perspective, RayThenProjectReturnsThePixelUpToTheEdge) {
 
 TEST_P(Perspective, JacobianMatchesCentralDifferences) {
     const PerspectiveCamera camera(GetParam());
-    for (const Eigen::Vector3d& p :
-         {Eigen::Vector3d(0.2, -0.1, 2), Eigen::Vector3d(-0.5, 0.1, 1.7), Eigen::Vector3d(0, 0, 1)}) {
+    for (const Eigen::Vector3d& p : {Eigen::Vector3d(0.2, -0.1, 2), Eigen::Vector3d(-0.5, 0.1, 1.7),
+                                     Eigen::Vector3d(0, 0, 1)}) {
         Matrix23d J;
         ASSERT_TRUE(camera.project(p, &J));
         const auto numeric = test::numeric_jacobian<2, 3>(
