@@ -2,6 +2,7 @@
 
 #include <mrpt/config/CConfigFile.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <sstream>
@@ -13,6 +14,12 @@
 
 namespace vio {
 namespace {
+
+// A value without the comment behind it, which MRPT leaves in.
+std::string without_comment(const std::string& value) {
+    const auto comment = std::min(value.find_first_of("#;"), value.find("//"));
+    return std::string(trimmed(std::string_view(value).substr(0, comment)));
+}
 
 // One key of the file, with the words for an error about it.
 struct Entry {
@@ -90,7 +97,7 @@ void apply_camera(const Entry& e, PartialCamera& camera, Rig& rig) {
     }
     camera.changed = true;
     if (e.key == "model") {
-        if (trimmed(e.value) != "perspective")
+        if (e.value != "perspective")
             throw e.error("'" + e.value + "' is not a supported model; perspective is");
     } else if (e.key == "width")
         p.width = e.size_px();
@@ -216,7 +223,8 @@ void load_calibration(const std::string& file, Rig& rig) {
         if (section != "camera" && section != "imu")
             throw InputError(file + " [" + section + "]: no such section; camera and imu are");
         for (const std::string& key : keys) {
-            const Entry entry{file, section, key, ini.read_string(section, key, "")};
+            const Entry entry{file, section, key,
+                              without_comment(ini.read_string(section, key, ""))};
             section == "camera" ? apply_camera(entry, camera, rig) : apply_imu(entry, rig);
         }
     }

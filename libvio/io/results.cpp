@@ -3,7 +3,6 @@
 #include <mrpt/maps/CSimpleMap.h>
 #include <mrpt/maps/CSimplePointsMap.h>
 #include <mrpt/obs/CSensoryFrame.h>
-#include <mrpt/poses/CPose3DInterpolator.h>
 #include <mrpt/poses/CPose3DPDFGaussian.h>
 
 #include <Eigen/Dense>
@@ -58,9 +57,17 @@ std::string covariance_text(const Estimate& estimate) {
 
 std::string states_text(const Estimate& estimate) {
     std::string text =
-        "# t[s],vx,vy,vz[m/s in W],sigma(3),gyro bias xyz[rad/s in I],sigma(3),"
-        "accelerometer bias xyz[m/s^2 in I],sigma(3),gravity xyz[m/s^2 in W],sigma(3),"
-        "lost[0|1],features\n";
+        "# Velocity of B's origin and gravity in W, biases in I, each with its 1-sigma.\n# t[s]";
+    const auto name = [&](const std::string& quantity, const std::string& unit) {
+        for (const char* prefix : {"", "sigma_"})
+            for (const char* axis : {"x", "y", "z"})
+                text += std::string(",").append(prefix).append(quantity).append(axis).append(unit);
+    };
+    name("v_", "[m/s]");
+    name("gyro_bias_", "[rad/s]");
+    name("accel_bias_", "[m/s^2]");
+    name("gravity_", "[m/s^2]");
+    text += ",lost[0|1],features\n";
     const auto add = [&](const Eigen::Vector3d& value, const Eigen::Vector3d& variance) {
         for (int k = 0; k < 3; ++k) text += ',' + format(value(k));
         for (int k = 0; k < 3; ++k) text += ',' + format(std::sqrt(std::max(0.0, variance(k))));
@@ -126,11 +133,18 @@ void write_point_map(const std::string& file, const Estimate& estimate) {
     if (!map.save3D_to_text_file(file)) throw InputError(file + ": cannot be written");
 }
 
-void write_interpolator(const std::string& file, const Estimate& estimate) {
-    mrpt::poses::CPose3DInterpolator path;
-    for (const StateEstimate& state : estimate.states)
-        path.insert(to_mrpt(state.t), to_mrpt(state.T_W_B));
-    if (!path.saveToTextFile(file)) throw InputError(file + ": cannot be written");
+// MRPT's own writer rounds to micrometres and gives no header; its reader takes both.
+std::string interpolator_text(const Estimate& estimate) {
+    std::string text = "% T_W_B: t[s] x[m] y[m] z[m] yaw[rad] pitch[rad] roll[rad]\n";
+    for (const StateEstimate& state : estimate.states) {
+        const auto pose = to_mrpt(state.T_W_B);
+        text += format_seconds(state.t);
+        for (const double value :
+             {pose.x(), pose.y(), pose.z(), pose.yaw(), pose.pitch(), pose.roll()})
+            text += ' ' + format(value);
+        text += '\n';
+    }
+    return text;
 }
 
 void write_simplemap(const std::string& file, const Results& results) {
@@ -278,8 +292,7 @@ void write_results(const std::string& folder, const Results& results, bool overw
     write_text(file("landmarks.ply"), landmarks_ply(estimate));
     write_complete(file("landmarks.txt"),
                    [&](const std::string& temporary) { write_point_map(temporary, estimate); });
-    write_complete(file("trajectory.txt"),
-                   [&](const std::string& temporary) { write_interpolator(temporary, estimate); });
+    write_text(file("trajectory.txt"), interpolator_text(estimate));
     write_complete(file("keyframes.simplemap"),
                    [&](const std::string& temporary) { write_simplemap(temporary, results); });
     write_text(file("summary.json"), summary(results).dump(2) + "\n");

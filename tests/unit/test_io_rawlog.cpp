@@ -249,6 +249,24 @@ TEST(Rawlog, CalibrationFileOverridesKeyByKey) {
     EXPECT_EQ(rig.imu_noise.gyro_noise_density, 1.6968e-4);
 }
 
+// The example of share/formats.md, comments and all, is a whole calibration.
+TEST(Rawlog, DocumentedCalibrationIsTaken) {
+    ScratchFolder folder;
+    write(folder / "a.rawlog", {ImuReading{kStart, {0, 0, 0}, {0, 0, 9.8}}}, Rig{});
+    const std::string page = read_text(std::string(VIO_SOURCE_DIR) + "/share/formats.md");
+    const auto begin = page.find("```ini\n") + 7, end = page.find("```", begin);
+    write_text(folder / "c.ini", page.substr(begin, end - begin));
+    RecordingOptions options;
+    options.calibration_file = folder / "c.ini";
+    const Recording recording(folder / "a.rawlog", options);
+    ASSERT_TRUE(recording.rig().camera);
+    const auto& p = dynamic_cast<const PerspectiveCamera&>(*recording.rig().camera).parameters();
+    EXPECT_EQ(p.width, 752);
+    EXPECT_EQ(p.cy, 248.375);
+    EXPECT_EQ(p.distortion[3], 1.8e-5);
+    EXPECT_EQ(recording.rig().imu_noise.accel_bias_random_walk, 3e-3);
+}
+
 TEST(Rawlog, BadCalibrationFilesAreRefused) {
     ScratchFolder folder;
     write(folder / "a.rawlog", test_messages(), Rig{});

@@ -86,7 +86,7 @@ TEST(Results, AreReadByMrpt) {
     ASSERT_TRUE(path.loadFromTextFile(folder + "/trajectory.txt"));
     ASSERT_EQ(path.size(), 5u);
     const Pose last = from_mrpt(mrpt::poses::CPose3D(path.rbegin()->second));
-    EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-5);
+    EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-12);
 }
 
 TEST(Results, DoNotReplaceOthersUnlessAsked) {
