@@ -62,10 +62,7 @@ class Recursive final : public Estimator {
     void finish() override { filter_.finish(); }
 
     const Estimate& estimate() const override { return filter_.estimate(); }
-    std::string report() const override {
-        const auto& status = filter_.status();
-        return status.empty() ? "no events" : status.back().text;
-    }
+    std::string report() const override { return ""; }
     std::vector<StatusEntry> events() const override { return filter_.status(); }
     Eigen::Vector3d gyro_bias() const override {
         const auto& states = filter_.estimate().states;

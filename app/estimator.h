@@ -21,7 +21,7 @@ class Estimator {
     virtual void finish() = 0;
 
     virtual const Estimate& estimate() const = 0;
-    /// How it went, in words.
+    /// How the minimisation went, in words; empty for the filter, whose events tell.
     virtual std::string report() const = 0;
     /// What happened on the way: starts, losses of track.
     virtual std::vector<StatusEntry> events() const = 0;

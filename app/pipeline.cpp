@@ -145,14 +145,22 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
 }
 
 void summarise(const Estimate& estimate, RunReport& report) {
+    report.has_scale = estimate.has_scale;
     report.poses = static_cast<int>(estimate.states.size());
     report.landmarks = static_cast<int>(estimate.landmarks.size());
     for (std::size_t i = 0; i < estimate.states.size(); ++i) {
         report.lost_poses += estimate.states[i].lost;
         if (i > 0)
-            report.path_length_m +=
+            report.path_length +=
                 (estimate.states[i].T_W_B.p - estimate.states[i - 1].T_W_B.p).norm();
     }
+}
+
+InputError no_pose(const RunRequest& request, const RunReport& report) {
+    if (!report.damage.empty()) return InputError(report.damage);
+    const std::string why = report.events.empty() ? "too little to start from; see the images' span"
+                                                  : report.events.back().text;
+    return InputError(request.rawlog + ": no pose could be estimated: " + why);
 }
 
 nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
@@ -209,10 +217,7 @@ RunReport run_pipeline(const RunRequest& request) {
     timed(report.estimation_s, [&] { estimator->finish(); });
     report.estimator_says = estimator->report();
     report.events = estimator->events();
-    if (estimator->estimate().states.empty())
-        throw InputError(report.damage.empty() ? request.rawlog + ": no pose could be estimated (" +
-                                                     report.estimator_says + ")"
-                                               : report.damage);
+    if (estimator->estimate().states.empty()) throw no_pose(request, report);
     summarise(estimator->estimate(), report);
     timed(report.input_output_s,
           [&] { write(*estimator, recording.rig(), feeder, request, report); });

@@ -43,7 +43,8 @@ struct RunReport {
     int imu_readings = 0;
     double duration_s = 0;  ///< from the first to the last of these images
     int poses = 0, lost_poses = 0, landmarks = 0;
-    double path_length_m = 0;
+    double path_length = 0;  ///< [m] if has_scale
+    bool has_scale = true;
     std::string estimator_says;       ///< how the estimate went, in words
     std::vector<StatusEntry> events;  ///< starts, losses of track
     double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;

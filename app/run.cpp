@@ -29,8 +29,9 @@ void print(const RunReport& r, const RunRequest& request) {
                 r.imu_readings);
     if (r.dropped_images > 0)
         std::printf("dropped     %d images outside the IMU readings\n", r.dropped_images);
-    std::printf("estimate    %d poses, path %.2f m, %d landmarks; %s\n", r.poses, r.path_length_m,
-                r.landmarks, r.estimator_says.c_str());
+    std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
+                r.has_scale ? "m" : "(scale unknown)", r.landmarks);
+    if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
     for (const StatusEntry& event : r.events)
         std::printf("            %.3f s: %s\n", to_seconds(event.t), event.text.c_str());
     if (r.lost_poses > 0) std::printf("lost        track of %d of these poses\n", r.lost_poses);

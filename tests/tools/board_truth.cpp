@@ -1,8 +1,9 @@
 // Pose of the body at each image of a rawlog whose features are the corners of a surveyed board:
-//   vio_board_truth RAWLOG TARGET.csv OUT.tum
+//   vio_board_truth RAWLOG TARGET.csv OUT.tum [--all]
 // TARGET.csv has rows feature_id,x,y,z [m] in the board's frame, which becomes the world. The pose
 // minimises the squared distance in pixels between the corners and their projections, image by
-// image: no inertial data and no other image enter.
+// image: no inertial data and no other image enter. Images that leave the pose uncertain are left
+// out, unless --all is given.
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -76,7 +77,7 @@ bool well_known(const cv::Mat& jacobian, const cv::Vec3d& rotation, const cv::Ve
 // T_W_C, or nothing with too few or inconsistent corners.
 std::optional<vio::Pose> solve(const vio::FeatureFrame& frame,
                                const std::map<vio::FeatureId, cv::Point3d>& target,
-                               const Intrinsics& camera) {
+                               const Intrinsics& camera, bool all) {
     std::vector<cv::Point3d> points;
     std::vector<cv::Point2d> corners;
     for (const vio::FeatureObservation& seen : frame.features)
@@ -96,14 +97,16 @@ std::optional<vio::Pose> solve(const vio::FeatureFrame& frame,
     cv::projectPoints(points, rotation, translation, camera.K, camera.distortion, projected,
                       jacobian);
     const double rms = cv::norm(projected, corners) / std::sqrt(static_cast<double>(points.size()));
-    if (rms > kMaxRms || !well_known(jacobian, rotation, translation)) return std::nullopt;
+    if (rms > kMaxRms) return std::nullopt;
+    if (!all && !well_known(jacobian, rotation, translation)) return std::nullopt;
     vio::Pose T_C_W;
     T_C_W.R = vio::so3::exp({rotation[0], rotation[1], rotation[2]});
     T_C_W.p = {translation[0], translation[1], translation[2]};
     return T_C_W.inverse();
 }
 
-void run(const std::string& rawlog, const std::string& target_file, const std::string& out) {
+void run(const std::string& rawlog, const std::string& target_file, const std::string& out,
+         bool all) {
     const auto target = read_target(target_file);
     vio::Recording recording(rawlog);
     const Intrinsics camera(recording.rig().camera);
@@ -113,7 +116,7 @@ void run(const std::string& rawlog, const std::string& target_file, const std::s
     while (const auto message = recording.next())
         if (const auto* frame = std::get_if<vio::FeatureFrame>(&*message)) {
             ++frames;
-            if (const auto T_W_C = solve(*frame, target, camera))
+            if (const auto T_W_C = solve(*frame, target, camera, all))
                 poses.push_back({frame->t, *T_W_C * T_C_B});
         }
     vio::write_tum(out, poses, "T_W_B, W the board, from the board's corners image by image");
@@ -123,12 +126,13 @@ void run(const std::string& rawlog, const std::string& target_file, const std::s
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc != 4) {
-        std::fprintf(stderr, "usage: vio_board_truth RAWLOG TARGET.csv OUT.tum\n");
+    const bool all = argc == 5 && std::string(argv[4]) == "--all";
+    if (argc != 4 && !all) {
+        std::fprintf(stderr, "usage: vio_board_truth RAWLOG TARGET.csv OUT.tum [--all]\n");
         return 2;
     }
     try {
-        run(argv[1], argv[2], argv[3]);
+        run(argv[1], argv[2], argv[3], all);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "vio_board_truth: error: %s\n", error.what());
         return 1;
