@@ -37,13 +37,14 @@ class Batch final : public Estimator {
     std::string report() const override {
         const BatchReport& r = result_.report;
         std::ostringstream text;
-        text << r.reason << ", " << r.iterations << " iterations, cost " << r.initial_cost << " -> "
-             << r.final_cost << " (image " << r.image_cost << ", inertial " << r.inertial_cost
-             << ", prior " << r.prior_cost << "), " << r.outliers << " of " << r.observations
+        text << r.reason << ", " << r.iterations << " iterations, cost " << r.final_cost
+             << " (image " << r.image_cost << ", inertial " << r.inertial_cost << ", prior "
+             << r.prior_cost << "), " << r.outliers << " of " << r.observations + r.outliers
              << " observations dropped";
         return text.str();
     }
     std::vector<StatusEntry> events() const override { return {}; }
+    bool converged() const override { return result_.report.converged; }
     Eigen::Vector3d gyro_bias() const override { return Eigen::Vector3d::Zero(); }
 
  private:
@@ -64,10 +65,8 @@ class Recursive final : public Estimator {
     const Estimate& estimate() const override { return filter_.estimate(); }
     std::string report() const override { return ""; }
     std::vector<StatusEntry> events() const override { return filter_.status(); }
-    Eigen::Vector3d gyro_bias() const override {
-        const auto& states = filter_.estimate().states;
-        return states.empty() ? Eigen::Vector3d::Zero() : states.back().gyro_bias;
-    }
+    bool converged() const override { return !filter_.estimate().states.empty(); }
+    Eigen::Vector3d gyro_bias() const override { return filter_.gyro_bias(); }
 
  private:
     Iekf filter_;

@@ -25,6 +25,8 @@ class Estimator {
     virtual std::string report() const = 0;
     /// What happened on the way: starts, losses of track.
     virtual std::vector<StatusEntry> events() const = 0;
+    /// Whether the estimate is what the method aims at; otherwise report() says why not.
+    virtual bool converged() const = 0;
     /// Gyro bias as known so far [rad/s], for the tracker's prediction.
     virtual Eigen::Vector3d gyro_bias() const = 0;
 };

@@ -1,9 +1,11 @@
 #include "app/picture.h"
 
+#include <filesystem>
 #include <vector>
 
 #include "gui_offscreen/scene.h"
 #include "gui_offscreen/snapshot.h"
+#include "libvio/base/errors.h"
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/trajectory_io.h"
 
@@ -46,12 +48,20 @@ std::string write_picture(const Estimate& estimate, const Rig& rig, const std::s
     options.T_B_C = rig.T_B_C;
     options.half_view = half_view(*rig.camera);
     std::vector<NamedPath> others;
-    if (!truth_file.empty()) others.push_back(aligned_truth(estimate, truth_file));
+    std::string problem;
+    try {
+        if (!truth_file.empty()) others.push_back(aligned_truth(estimate, truth_file));
+    } catch (const InputError& error) {
+        problem = std::string("truth not drawn: ") + error.what();
+    }
+    // A picture of an earlier run must not stand beside these results.
+    std::filesystem::remove(folder + "/snapshot.png");
     const auto scene = build_scene(estimate, options, others);
     save_scene(*scene, folder + "/scene.3Dscene");
     const Snapshot snapshot = render_snapshot(scene);
-    if (snapshot.problem.empty()) save_image(snapshot.image, folder + "/snapshot.png");
-    return snapshot.problem;
+    if (!snapshot.problem.empty()) return snapshot.problem;
+    save_image(snapshot.image, folder + "/snapshot.png");
+    return problem;
 }
 
 }  // namespace vio::app

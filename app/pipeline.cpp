@@ -118,13 +118,8 @@ class Feeder {
 // Reads to the end of the file, or to where it is damaged.
 void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator& estimator,
                     Feeder& feeder, Part part, RunReport& report) {
-    const auto next = [&]() -> std::optional<Message> {
-        try {
-            return timed(report.input_output_s, [&] { return recording.next(); });
-        } catch (const InputError& damage) {
-            report.damage = damage.what();
-            return std::nullopt;
-        }
+    const auto next = [&] {
+        return timed(report.input_output_s, [&] { return recording.next(); });
     };
     const auto feed = [&](const std::vector<FeatureFrame>& frames) {
         timed(report.estimation_s, [&] {
@@ -132,13 +127,20 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
         });
     };
     Progress progress("reading");
-    while (const std::optional<Message> message = next()) {
-        if (!part.contains(*message)) continue;
-        if (const auto* reading = std::get_if<ImuReading>(&*message))
-            timed(report.estimation_s, [&] { feeder.add(*reading); });
-        feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
-        front_end.set_gyro_bias(estimator.gyro_bias());
-        progress.update(recording.progress());
+    // Tracks that the rawlog carries stand for its images.
+    const bool has_tracks = recording.has_features();
+    try {
+        while (const std::optional<Message> message = next()) {
+            if (!part.contains(*message)) continue;
+            if (has_tracks && std::holds_alternative<ImageMessage>(*message)) continue;
+            if (const auto* reading = std::get_if<ImuReading>(&*message))
+                timed(report.estimation_s, [&] { feeder.add(*reading); });
+            feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
+            front_end.set_gyro_bias(estimator.gyro_bias());
+            progress.update(recording.progress());
+        }
+    } catch (const InputError& damage) {
+        report.damage = damage.what();
     }
     feed(timed(report.tracking_s, [&] { return front_end.finish(); }));
     feeder.finish();
@@ -172,6 +174,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["events"] = nlohmann::json::array();
     for (const StatusEntry& event : report.events)
         json["events"].push_back({{"t_ns", event.t}, {"text", event.text}});
+    json["converged"] = report.converged;
     json["imu_readings"] = report.imu_readings;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
@@ -206,6 +209,7 @@ void PipelineOptions::describe(OptionSet& options) {
 
 RunReport run_pipeline(const RunRequest& request) {
     check_results_folder(request.output, request.overwrite);
+    if (!request.truth_file.empty()) read_trajectory(request.truth_file);  // fails early
     RunReport report;
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
@@ -217,6 +221,7 @@ RunReport run_pipeline(const RunRequest& request) {
     timed(report.estimation_s, [&] { estimator->finish(); });
     report.estimator_says = estimator->report();
     report.events = estimator->events();
+    report.converged = estimator->converged();
     if (estimator->estimate().states.empty()) throw no_pose(request, report);
     summarise(estimator->estimate(), report);
     timed(report.input_output_s,

@@ -48,6 +48,7 @@ struct RunReport {
     std::string estimator_says;       ///< how the estimate went, in words
     std::vector<StatusEntry> events;  ///< starts, losses of track
     double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;
+    bool converged = false;       ///< see Estimator::converged
     std::string picture_problem;  ///< why there is no picture; empty: there is one
     std::string damage;           ///< why reading stopped early; empty: the whole file was read
 };

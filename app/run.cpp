@@ -1,5 +1,6 @@
 // vio-slam run: the motion behind a rawlog.
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <vector>
@@ -41,10 +42,9 @@ void print(const RunReport& r, const RunRequest& request) {
     if (r.duration_s > 0)
         std::printf("; %.1f x real time", r.duration_s / (r.tracking_s + r.estimation_s));
     std::printf("\nresults     %s\n", request.output.c_str());
-    if (r.picture_problem.empty())
-        std::printf("picture     %s/snapshot.png\n", request.output.c_str());
-    else
-        std::printf("picture     none: %s\n", r.picture_problem.c_str());
+    const std::string picture = request.output + "/snapshot.png";
+    std::printf("picture     %s\n", std::filesystem::exists(picture) ? picture.c_str() : "none");
+    if (!r.picture_problem.empty()) std::printf("            %s\n", r.picture_problem.c_str());
     std::fflush(stdout);
 }
 
@@ -67,6 +67,10 @@ void run(Arguments arguments) {
     print(report, request);
     if (!report.damage.empty())
         throw InputError(report.damage + "; the results up to there are in " + request.output);
+    if (!report.converged)
+        throw InputError(request.rawlog + ": the estimate has not converged (" +
+                         report.estimator_says + "); what there is is in " + request.output +
+                         ", not to be relied on");
 }
 
 }  // namespace

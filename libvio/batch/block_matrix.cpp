@@ -10,19 +10,34 @@
 
 namespace vio::batch {
 
+// Of OpenBLAS, where it is the BLAS that CHOLMOD runs on; null otherwise.
+extern "C" {
+[[gnu::weak]] void openblas_set_num_threads(int threads);
+[[gnu::weak]] int openblas_get_num_threads();
+}
+
 namespace {
 
-// CHOLMOD runs several OpenMP loops for each supernode; ours are small, and waking threads for them
-// costs more than half of the time. Inside this scope they run on the calling thread.
-class SerialOpenMp {
+// CHOLMOD runs several OpenMP loops, and BLAS its threads, for each supernode. Ours are small, and
+// waking or awaiting threads for them costs more than half of the time on an idle machine and ten
+// times the work on a busy one. Inside this scope all run on the calling thread (the settings are
+// the process's: not for several threads at once).
+class SerialKernels {
  public:
-    SerialOpenMp() { omp_set_max_active_levels(0); }
-    ~SerialOpenMp() { omp_set_max_active_levels(levels_); }
-    SerialOpenMp(const SerialOpenMp&) = delete;
-    SerialOpenMp& operator=(const SerialOpenMp&) = delete;
+    SerialKernels() {
+        omp_set_max_active_levels(0);
+        if (openblas_set_num_threads) openblas_set_num_threads(1);
+    }
+    ~SerialKernels() {
+        omp_set_max_active_levels(levels_);
+        if (openblas_set_num_threads) openblas_set_num_threads(blas_threads_);
+    }
+    SerialKernels(const SerialKernels&) = delete;
+    SerialKernels& operator=(const SerialKernels&) = delete;
 
  private:
     int levels_ = omp_get_max_active_levels();
+    int blas_threads_ = openblas_get_num_threads ? openblas_get_num_threads() : 1;
 };
 
 }  // namespace
@@ -106,14 +121,14 @@ BlockCholesky::BlockCholesky(const BlockMatrix& pattern) : impl_(std::make_uniqu
 BlockCholesky::~BlockCholesky() = default;
 
 bool BlockCholesky::factorize(const BlockMatrix& matrix) {
-    const SerialOpenMp serial;
+    const SerialKernels serial;
     std::memcpy(impl_->matrix->x, matrix.values_.data(), matrix.values_.size() * sizeof(double));
     cholmod_factorize(impl_->matrix, impl_->factor, &impl_->common);
     return impl_->common.status == CHOLMOD_OK && impl_->factor->minor == impl_->factor->n;
 }
 
 Eigen::MatrixXd BlockCholesky::solve(const Eigen::MatrixXd& b) const {
-    const SerialOpenMp serial;
+    const SerialKernels serial;
     cholmod_dense rhs{};
     rhs.nrow = b.rows();
     rhs.ncol = b.cols();

@@ -74,6 +74,10 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
         }
         model.points.push_back(point);
     }
+    if (!problem.fiducials.empty() && !model.surveyed())
+        throw InputError(
+            "batch estimator: none of the fiducials is seen in the images; compare their ids with "
+            "the feature ids");
     if (model.points.empty())
         throw InputError("batch estimator: no feature is seen in " +
                          std::to_string(min_observations) +

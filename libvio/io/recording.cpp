@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "libvio/base/errors.h"
 #include "libvio/io/calibration_file.h"
@@ -179,6 +180,7 @@ struct Recording::Impl {
     ImageMessage convert_image(const CObservationImage& observation) const;
     cv::Mat load(const mrpt::img::CImage& image) const;
     void check_stamp(mrpt::Clock::time_point stamp) const;
+    void check_features(const FeatureFrame& frame) const;
 
     std::string file;
     fs::path images_dir;
@@ -187,6 +189,20 @@ struct Recording::Impl {
     std::deque<CObservation::Ptr> pending;  ///< of the object read last
     Pose T_O_B;                             ///< sum of odometry increments
 };
+
+void Recording::Impl::check_features(const FeatureFrame& frame) const {
+    std::set<FeatureId> seen;
+    const auto fail = [&](const FeatureObservation& f, const char* problem) {
+        throw objects.error("feature " + std::to_string(f.feature_id) + " at " +
+                            format_seconds(frame.t) + " s " + problem);
+    };
+    for (const FeatureObservation& f : frame.features) {
+        if (!f.uv_px.allFinite()) fail(f, "has no finite position");
+        if (!(f.covariance_shape(0, 0) > 0 && f.covariance_shape.determinant() > 0))
+            fail(f, "has a covariance that is not positive definite");
+        if (!seen.insert(f.feature_id).second) fail(f, "occurs twice in its image");
+    }
+}
 
 void Recording::Impl::check_stamp(mrpt::Clock::time_point stamp) const {
     if (stamp == INVALID_TIMESTAMP)
@@ -236,7 +252,9 @@ std::optional<Message> Recording::Impl::convert(const CObservation& observation)
     if (const auto* features = dynamic_cast<const CObservationFeatures*>(&observation)) {
         if (features->sensorLabel != sensors.camera_label) return {};
         check_stamp(features->timestamp);
-        return from_mrpt(*features);
+        FeatureFrame frame = from_mrpt(*features);
+        check_features(frame);
+        return frame;
     }
     if (const auto* odometry = dynamic_cast<const CObservationOdometry*>(&observation)) {
         check_stamp(odometry->timestamp);

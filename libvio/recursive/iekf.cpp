@@ -450,6 +450,11 @@ const Estimate& Iekf::estimate() const {
     return result;
 }
 
+Eigen::Vector3d Iekf::gyro_bias() const {
+    const auto& states = impl_->result.states;
+    return states.empty() ? Eigen::Vector3d::Zero() : states.back().gyro_bias;
+}
+
 const std::vector<StatusEntry>& Iekf::status() const {
     return impl_->status;
 }

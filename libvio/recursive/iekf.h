@@ -72,6 +72,9 @@ class Iekf {
     /// landmark that was ever in the state with its last estimate.
     const Estimate& estimate() const;
 
+    /// Gyro bias of the newest state [rad/s], zero before the start. Cheap, unlike estimate().
+    Eigen::Vector3d gyro_bias() const;
+
     const std::vector<StatusEntry>& status() const;
 
  private:

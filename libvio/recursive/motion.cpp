@@ -195,7 +195,8 @@ class ImageOnlyMotion final : public MotionModel {
 
 Vector6d inertial_residual(const CoreState& core, const ImuReading& reading, const ImuNoise& noise,
                            double dt, Eigen::Matrix<double, 6, kSmooth>* H) {
-    const double gyro_scale = std::sqrt(dt) / noise.gyro_noise_density;
+    const double rate = (reading.gyro - core.gyro_bias).norm();
+    const double gyro_scale = std::sqrt(dt / noise.gyro_density2(rate));
     const double accel_scale = std::sqrt(dt) / noise.accel_noise_density;
     const Matrix3d Rt = core.T_W_I.R.transpose();
     const Vector3d specific_force = Rt * (core.a_W - core.g_W);

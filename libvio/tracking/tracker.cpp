@@ -319,12 +319,19 @@ void FeatureTracker::Impl::verify_long(const std::optional<Matrix3d>& R) {
 }
 
 void FeatureTracker::Impl::detect() {
+    // Images and their derivatives alternate; a pyramid ends early where a level would be smaller
+    // than the window.
+    cv::Mat half;
+    if (pyramid.size() > 2)
+        half = pyramid[2];
+    else
+        cv::pyrDown(pyramid[0], half);
     const int wanted = options.max_features - static_cast<int>(tracks.size());
     std::vector<Vector2d> existing;
     for (const Track& track : tracks) existing.push_back(track.uv);
     const DetectorOptions detector{options.min_distance_px, kBorder_px, options.corner_quality};
     for (const Vector2d& uv :
-         detect_features(pyramid[2], existing, mask, wanted, options.max_features, detector)) {
+         detect_features(half, existing, mask, wanted, options.max_features, detector)) {
         const auto ray = camera->ray(uv);
         auto look = Patch::cut(pyramid[0], uv);
         if (!ray || !look) continue;
