@@ -233,6 +233,8 @@ BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& opti
                               options.covariances ? &equations : nullptr, singular);
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
     result.report = make_report(course, began);
+    if (options.covariances && !singular)
+        result.report.reciprocal_condition = equations.factor().reciprocal_condition();
     if (singular) {
         result.report.converged = false;
         result.report.reason =

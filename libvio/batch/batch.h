@@ -59,6 +59,8 @@ struct BatchReport {
     double image_cost = 0, inertial_cost = 0, prior_cost = 0;
     int observations = 0, outliers = 0;
     double seconds = 0;
+    /// Of the reduced system at the solution, a cheap estimate; 0: not computed, or singular.
+    double reciprocal_condition = 0;
 };
 
 /// Joint estimate of the last state and the points that it sees, for the recursive estimator.

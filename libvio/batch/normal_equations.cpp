@@ -160,10 +160,4 @@ double NormalEquations::predicted_decrease(const Step& step) const {
     return sum;
 }
 
-double NormalEquations::gradient_norm() const {
-    double largest = gradient.lpNorm<Eigen::Infinity>();
-    for (const Eigen::Vector3d& g : b) largest = std::max(largest, g.lpNorm<Eigen::Infinity>());
-    return largest;
-}
-
 }  // namespace vio::batch

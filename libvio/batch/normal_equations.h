@@ -35,14 +35,6 @@ class NormalEquations {
     std::vector<Eigen::Vector3d> b;  ///< of each point
     std::vector<Matrix63d> W;        ///< of each observation: pose by point
 
-    /// Adds H to block (row, col) of A, transposing where that lies above the diagonal.
-    template <typename Derived>
-    void add(int row, int col, const Eigen::MatrixBase<Derived>& H) {
-        if (row >= col)
-            matrix.block(row, col) += H;
-        else
-            matrix.block(col, row) += H.transpose();
-    }
     /// Takes a scalar unknown out of the problem (all its Jacobians must be zero).
     void hold(int scalar_idx) { matrix.diagonal(scalar_idx) += 1; }
 
@@ -50,12 +42,11 @@ class NormalEquations {
     bool solve(double lambda, Step& step);
     /// Cost decrease that the linear model promises for a step of the last solve().
     double predicted_decrease(const Step& step) const;
-    double gradient_norm() const;
 
     /// Undamped factorisation of the reduced system, for covariances.
     bool factorize();
     const BlockCholesky& factor() const { return factor_; }
-    /// V^-1 of an eliminated point, and V^-1 W^T of one of its observations.
+    /// V^-1 of an eliminated point.
     const Eigen::Matrix3d& point_inverse(int point_idx) const { return V_inverse_[point_idx]; }
 
  private:

@@ -74,20 +74,30 @@ std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State
     return result->point;
 }
 
-void place_points(const Model& model, double distance, const std::vector<bool>& keep,
+namespace {
+
+// Positions that are known already, and all others: triangulated, or else backprojected to the
+// points' median distance.
+void place_around(const Model& model, const std::map<FeatureId, Eigen::Vector3d>& positions,
                   State& state) {
-    std::vector<bool> placed = keep;
+    constexpr double kWithoutAny = 1;  // [m]: nothing tells a distance
+    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
+    std::vector<bool> placed(model.points.size(), false);
     for (size_t j = 0; j < model.points.size(); ++j) {
-        if (keep[j]) continue;
-        if (const auto point = triangulate_point(model, state, model.points[j])) {
-            state.points[j] = *point;
-            placed[j] = true;
-        }
+        const auto known = positions.find(model.points[j].id);
+        const std::optional<Eigen::Vector3d> point =
+            known != positions.end() ? known->second
+                                     : triangulate_point(model, state, model.points[j]);
+        if (!point) continue;
+        state.points[j] = *point;
+        placed[j] = true;
     }
-    const double range = median_range(model, state, placed, distance);
+    const double range = median_range(model, state, placed, kWithoutAny);
     for (size_t j = 0; j < model.points.size(); ++j)
         if (!placed[j]) state.points[j] = backprojected(model, state, model.points[j], range);
 }
+
+}  // namespace
 
 State continued_start(const Model& model, const Model& shorter, const State& known) {
     State state = known;
@@ -109,14 +119,7 @@ State continued_start(const Model& model, const Model& shorter, const State& kno
     std::map<FeatureId, Eigen::Vector3d> positions;
     for (size_t j = 0; j < shorter.points.size(); ++j)
         positions[shorter.points[j].id] = known.points[j];
-    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
-    std::vector<bool> keep(model.points.size(), false);
-    for (size_t j = 0; j < model.points.size(); ++j)
-        if (const auto it = positions.find(model.points[j].id); it != positions.end()) {
-            state.points[j] = it->second;
-            keep[j] = true;
-        }
-    place_points(model, 1.0, keep, state);
+    place_around(model, positions, state);
     return state;
 }
 
@@ -145,14 +148,7 @@ State given_start(const Model& model, const Estimate& start) {
     }
     std::map<FeatureId, Eigen::Vector3d> positions;
     for (const LandmarkEstimate& landmark : start.landmarks) positions[landmark.id] = landmark.p_W;
-    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
-    std::vector<bool> keep(model.points.size(), false);
-    for (size_t j = 0; j < model.points.size(); ++j)
-        if (const auto it = positions.find(model.points[j].id); it != positions.end()) {
-            state.points[j] = it->second;
-            keep[j] = true;
-        }
-    place_points(model, 1.0, keep, state);
+    place_around(model, positions, state);
     return state;
 }
 

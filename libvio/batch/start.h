@@ -24,8 +24,4 @@ State continued_start(const Model& model, const Model& shorter, const State& kno
 std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State& state,
                                                  const Point& point);
 
-/// Gives every point a position: triangulated, or else backprojected to the given distance.
-/// Points marked in `keep` stay as they are.
-void place_points(const Model& model, double distance, const std::vector<bool>& keep, State& state);
-
 }  // namespace vio::batch

@@ -195,7 +195,7 @@ class ImageOnlyMotion final : public MotionModel {
 
 Vector6d inertial_residual(const CoreState& core, const ImuReading& reading, const ImuNoise& noise,
                            double dt, Eigen::Matrix<double, 6, kSmooth>* H) {
-    const double rate = (reading.gyro - core.gyro_bias).norm();
+    const double rate = reading.gyro.norm();  // the weight must not depend on the state
     const double gyro_scale = std::sqrt(dt / noise.gyro_density2(rate));
     const double accel_scale = std::sqrt(dt) / noise.accel_noise_density;
     const Matrix3d Rt = core.T_W_I.R.transpose();
