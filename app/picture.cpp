@@ -13,16 +13,14 @@ namespace vio::app {
 namespace {
 
 // The true path in the estimate's world.
-NamedPath aligned_truth(const Estimate& estimate, const std::string& truth_file) {
-    std::vector<TimedPose> poses;
-    for (const StateEstimate& state : estimate.states) poses.push_back({state.t, state.T_W_B});
+NamedPath aligned_truth(const Estimate& estimate, const NamedPath& truth) {
+    const std::vector<TimedPose> poses = trajectory(estimate);
     EvaluationOptions options;
     options.alignment = estimate.has_scale ? AlignmentKind::kSE3 : AlignmentKind::kSim3;
-    options.truth_name = truth_file;
-    const std::vector<TimedPose> truth = read_trajectory(truth_file);
-    const Similarity S_G_E = evaluate(poses, truth, options).alignment.S_G_E;
+    options.truth_name = truth.name;
+    const Similarity S_G_E = evaluate(poses, truth.poses, options).alignment.S_G_E;
     std::vector<TimedPose> shown;
-    for (const TimedPose& row : vio::apply(S_G_E.inverse(), truth))
+    for (const TimedPose& row : vio::apply(S_G_E.inverse(), truth.poses))
         if (row.t >= poses.front().t && row.t <= poses.back().t) shown.push_back(row);
     return {"truth", shown};
 }
@@ -42,7 +40,7 @@ Eigen::Vector2d half_view(const Camera& camera) {
 
 }  // namespace
 
-std::string write_picture(const Estimate& estimate, const Rig& rig, const std::string& truth_file,
+std::string write_picture(const Estimate& estimate, const Rig& rig, const NamedPath& truth,
                           const std::string& folder) {
     SceneOptions options;
     options.T_B_C = rig.T_B_C;
@@ -50,7 +48,7 @@ std::string write_picture(const Estimate& estimate, const Rig& rig, const std::s
     std::vector<NamedPath> others;
     std::string problem;
     try {
-        if (!truth_file.empty()) others.push_back(aligned_truth(estimate, truth_file));
+        if (!truth.poses.empty()) others.push_back(aligned_truth(estimate, truth));
     } catch (const InputError& error) {
         problem = std::string("truth not drawn: ") + error.what();
     }

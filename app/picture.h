@@ -3,15 +3,17 @@
 
 #include <string>
 
+#include "gui_offscreen/scene.h"
 #include "libvio/base/estimate.h"
 #include "libvio/camera/rig.h"
 
 namespace vio::app {
 
-/// Writes scene.3Dscene and snapshot.png. truth_file, if not empty, is a trajectory that is drawn
-/// beside the estimate, aligned to it. Returns why there is no snapshot (one line, where off-screen
-/// OpenGL cannot start), or nothing. Throws InputError for a bad truth file or a full disk.
-std::string write_picture(const Estimate& estimate, const Rig& rig, const std::string& truth_file,
+/// Writes scene.3Dscene and snapshot.png. The truth (named by its file), if not empty, is drawn
+/// beside the estimate, aligned to it. Returns in one line why there is no snapshot (off-screen
+/// OpenGL cannot start) or no truth in it (it cannot be aligned), or nothing. Throws InputError for
+/// a full disk.
+std::string write_picture(const Estimate& estimate, const Rig& rig, const NamedPath& truth,
                           const std::string& folder);
 
 }  // namespace vio::app

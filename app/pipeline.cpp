@@ -7,6 +7,7 @@
 #include "app/estimator.h"
 #include "app/picture.h"
 #include "app/progress.h"
+#include "libvio/evaluation/metrics.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/tracking/front_end.h"
@@ -150,12 +151,8 @@ void summarise(const Estimate& estimate, RunReport& report) {
     report.has_scale = estimate.has_scale;
     report.poses = static_cast<int>(estimate.states.size());
     report.landmarks = static_cast<int>(estimate.landmarks.size());
-    for (std::size_t i = 0; i < estimate.states.size(); ++i) {
-        report.lost_poses += estimate.states[i].lost;
-        if (i > 0)
-            report.path_length +=
-                (estimate.states[i].T_W_B.p - estimate.states[i - 1].T_W_B.p).norm();
-    }
+    for (const StateEstimate& state : estimate.states) report.lost_poses += state.lost;
+    report.path_length = path_length(trajectory(estimate));
 }
 
 InputError no_pose(const RunRequest& request, const RunReport& report) {
@@ -209,7 +206,9 @@ void PipelineOptions::describe(OptionSet& options) {
 
 RunReport run_pipeline(const RunRequest& request) {
     check_results_folder(request.output, request.overwrite);
-    if (!request.truth_file.empty()) read_trajectory(request.truth_file);  // fails early
+    NamedPath truth{request.truth_file,
+                    {}};  // read first, so that a bad file is told before long work
+    if (!request.truth_file.empty()) truth.poses = read_trajectory(request.truth_file);
     RunReport report;
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
@@ -227,8 +226,7 @@ RunReport run_pipeline(const RunRequest& request) {
     timed(report.input_output_s,
           [&] { write(*estimator, recording.rig(), feeder, request, report); });
     report.picture_problem = timed(report.picture_s, [&] {
-        return write_picture(estimator->estimate(), recording.rig(), request.truth_file,
-                             request.output);
+        return write_picture(estimator->estimate(), recording.rig(), truth, request.output);
     });
     return report;
 }

@@ -29,12 +29,6 @@ Matrix6d pose_covariance(const StateEstimate& state) {
     return state.covariance.topLeftCorner<6, 6>();
 }
 
-std::vector<TimedPose> trajectory(const Estimate& estimate) {
-    std::vector<TimedPose> poses;
-    for (const StateEstimate& state : estimate.states) poses.push_back({state.t, state.T_W_B});
-    return poses;
-}
-
 double path_length(const Estimate& estimate) {
     double length = 0;
     for (size_t i = 1; i < estimate.states.size(); ++i)

@@ -48,6 +48,12 @@ std::vector<TimedPose> read_trajectory(const std::string& file) {
     return poses;
 }
 
+std::vector<TimedPose> trajectory(const Estimate& estimate) {
+    std::vector<TimedPose> poses;
+    for (const StateEstimate& state : estimate.states) poses.push_back({state.t, state.T_W_B});
+    return poses;
+}
+
 void write_tum(const std::string& file, const std::vector<TimedPose>& poses,
                const std::string& frames) {
     std::string text = "# " + frames + ": t[s] x[m] y[m] z[m] qx qy qz qw\n";

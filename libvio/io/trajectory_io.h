@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "libvio/base/estimate.h"
 #include "libvio/base/types.h"
 #include "libvio/geometry/pose.h"
 
@@ -16,6 +17,9 @@ namespace vio {
 /// file, a malformed row, a quaternion that is not of unit length within 1 %, and stamps that do
 /// not increase.
 std::vector<TimedPose> read_trajectory(const std::string& file);
+
+/// The poses of an estimate.
+std::vector<TimedPose> trajectory(const Estimate& estimate);
 
 /// Writes TUM text with a header line; stamps have nine decimals and are exact, coordinates read
 /// back to the bit. `frames` says in the header what the poses are, e.g. "T_W_B, ground truth".
