@@ -12,5 +12,6 @@ void add_simulate(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_render(CLI::App& program);
 void add_info(CLI::App& program);
+void add_statistics(CLI::App& program);
 
 }  // namespace vio::app

@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
     vio::app::add_evaluate(program);
     vio::app::add_render(program);
     vio::app::add_info(program);
+    vio::app::add_statistics(program);
     try {
         program.parse(argc, argv);
         if (program.get_subcommands().empty())

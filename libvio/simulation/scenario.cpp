@@ -7,6 +7,7 @@
 
 #include "libvio/camera/perspective.h"
 #include "libvio/io/trajectory_io.h"
+#include "libvio/simulation/paths.h"
 
 namespace vio {
 namespace {
@@ -48,6 +49,14 @@ Pose pose_option(const std::string& text, const std::string& option) {
     return pose_from(numbers_in(text, option, 6).data());
 }
 
+// Times between waypoints that follow ramps and oscillations closely [s].
+double waypoint_spacing(const ScenarioOptions& options, bool shakes) {
+    double spacing = 0.1;
+    if (options.path == "legs") spacing = std::min(spacing, options.ramp_s / 8);
+    if (shakes) spacing = std::min(spacing, 0.06 / options.shake_rate);
+    return std::max(spacing, 1e-3);
+}
+
 SplineTrajectory waypoint_trajectory(const ScenarioOptions& options) {
     std::vector<Waypoint> points;
     std::istringstream in(options.waypoints);
@@ -55,8 +64,27 @@ SplineTrajectory waypoint_trajectory(const ScenarioOptions& options) {
         const auto v = numbers_in(text, "[trajectory] waypoints", 7);
         points.push_back({v[0], pose_from(&v[1])});
     }
-    return SplineTrajectory::through(points,
-                                     options.at_rest ? CurveEnds::kAtRest : CurveEnds::kFree);
+    const CurveEnds ends = options.at_rest ? CurveEnds::kAtRest : CurveEnds::kFree;
+    const Shake shake{options.shake_angle_deg * kDegree, options.shake_distance,
+                      options.shake_rate};
+    const bool shakes = shake.angle > 0 || shake.distance > 0;
+    const double spacing = waypoint_spacing(options, shakes);
+    if (options.path == "legs") {
+        points = straight_legs(points, options.ramp_s, spacing);
+    } else if (shakes) {
+        const SplineTrajectory smooth = SplineTrajectory::through(points, ends);
+        points.clear();
+        const int n = static_cast<int>(std::ceil((smooth.end() - smooth.begin()) / spacing));
+        for (int i = 0; i <= n; ++i) {
+            const double t = smooth.begin() + (smooth.end() - smooth.begin()) * i / n;
+            points.push_back({t, smooth.at(t).T_W_B});
+        }
+    }
+    if (shakes) {
+        Random random(static_cast<std::uint64_t>(options.seed), "shake");
+        points = shaken(std::move(points), shake, random);
+    }
+    return SplineTrajectory::through(points, ends);
 }
 
 SplineTrajectory recorded_trajectory(const ScenarioOptions& options) {
@@ -94,6 +122,28 @@ Eigen::Matrix3d random_gain(double scale_sigma, double misalignment_sigma, Rando
     return gain;
 }
 
+// Loads the included file, then this one.
+void load(const std::string& ini_file, OptionSet& set, ScenarioOptions& options, int depth) {
+    constexpr int kDeepest = 8;
+    if (depth > kDeepest)
+        throw InputError(ini_file + " [scenario] include: files include each other");
+    const std::filesystem::path folder = std::filesystem::path(ini_file).parent_path();
+    const auto load_this = [&] {
+        const std::string before = options.recorded_file;
+        set.load(ini_file);
+        if (!options.recorded_file.empty() && options.recorded_file != before)
+            options.recorded_file = (folder / options.recorded_file).string();
+    };
+    const ScenarioOptions fresh = options;
+    load_this();
+    if (options.include.empty()) return;
+    const std::string included = (folder / options.include).string();
+    options = fresh;
+    load(included, set, options, depth + 1);
+    load_this();
+    options.include.clear();
+}
+
 TimeNs on_tick(double seconds) {
     return kTick * static_cast<TimeNs>(std::llround(seconds * (1e9 / kTick)));
 }
@@ -103,6 +153,9 @@ TimeNs on_tick(double seconds) {
 void ScenarioOptions::describe(OptionSet& set) {
     set.section("scenario");
     set.add("name", &name, "title");
+    set.add("include", &include,
+            "another scenario file whose values hold where this one gives none; relative to this "
+            "file's folder");
     set.add("seed", &seed, "-", {0, 1e9}, "seed of everything that is random");
     set.add("start_time", &start_time_s, "s", {0, 2e9}, "UNIX time at the trajectory's t = 0");
     set.add("gravity", &gravity, "m/s^2", {0, 20}, "acceleration of gravity, along -z of W");
@@ -111,6 +164,16 @@ void ScenarioOptions::describe(OptionSet& set) {
     set.add(
         "waypoints", &waypoints,
         "control points t x y z yaw pitch roll [s, m, deg] of the body in W, separated by commas");
+    set.add("path", &path, {"curve", "legs"},
+            "how to go from control point to control point: along one smooth curve, or straight, "
+            "stopping at each");
+    set.add("ramp", &ramp_s, "s", {0.01, 1e4},
+            "path = legs: time of speeding up and of braking, at most half of each leg's");
+    set.add("shake_angle", &shake_angle_deg, "deg", {0, 90},
+            "random oscillation of the attitude, 1 sigma per axis");
+    set.add("shake_distance", &shake_distance, "m", {0, 10},
+            "random oscillation of the position, 1 sigma per axis");
+    set.add("shake_rate", &shake_rate, "Hz", {0.01, 20}, "mean frequency of the oscillations");
     set.add("at_rest", &at_rest, "starts from rest and comes to rest");
     set.add(
         "recorded_file", &recorded_file,
@@ -195,16 +258,17 @@ void ScenarioOptions::describe(OptionSet& set) {
             "probability of a jump, per observation");
     set.add("mistrack_size", &track_model.mistrack_px, "px", {0, 1e4},
             "size of a jump, 1 sigma per axis");
+
+    paper.describe(set);
 }
 
-ScenarioOptions ScenarioOptions::from_file(const std::string& ini_file) {
+ScenarioOptions ScenarioOptions::from_file(const std::string& ini_file,
+                                           const std::vector<std::string>& assignments) {
     ScenarioOptions options;
     OptionSet set;
     options.describe(set);
-    set.load(ini_file);
-    if (!options.recorded_file.empty())
-        options.recorded_file =
-            (std::filesystem::path(ini_file).parent_path() / options.recorded_file).string();
+    load(ini_file, set, options, 0);
+    for (const std::string& assignment : assignments) set.set(assignment);
     return options;
 }
 

@@ -13,6 +13,7 @@
 #include "libvio/simulation/imu_simulator.h"
 #include "libvio/simulation/renderer.h"
 #include "libvio/simulation/scene.h"
+#include "libvio/simulation/statistics.h"
 #include "libvio/simulation/tracks.h"
 #include "libvio/simulation/trajectory.h"
 
@@ -22,10 +23,13 @@ namespace vio {
 /// separated by blanks.
 struct ScenarioOptions {
     std::string name = "scenario";
+    std::string include;
     int seed = 1;
     int start_time_s = 1100000000;  ///< stamp of t = 0, UNIX time
 
     std::string waypoints = "0 0 0 1.2 0 0 0, 1 1 0 1.2 0 0 0";  ///< unless recorded_file is given
+    std::string path = "curve";
+    double ramp_s = 1, shake_angle_deg = 0, shake_distance = 0, shake_rate = 1;
     bool at_rest = true;
     std::string recorded_file;
     double recorded_piece_s = 0.05;
@@ -52,10 +56,14 @@ struct ScenarioOptions {
     bool tracks = false;
     TrackModel track_model;
 
+    ExperimentStatistics paper;  ///< of the experiment that is imitated
+
     void describe(OptionSet& options);
-    /// Reads a scenario file; throws InputError as OptionSet::load does. A relative recorded_file
-    /// counts from the scenario file's folder.
-    static ScenarioOptions from_file(const std::string& ini_file);
+    /// Reads a scenario file, after the one that it includes if any, and then the assignments
+    /// "section.name=value". Relative names of files count from the folder of the file that has
+    /// them. Throws InputError as OptionSet::load and set do.
+    static ScenarioOptions from_file(const std::string& ini_file,
+                                     const std::vector<std::string>& assignments = {});
 };
 
 /// A scenario made: everything but the images is held in memory, those are drawn when asked for.

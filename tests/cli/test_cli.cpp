@@ -85,7 +85,8 @@ class Cli : public ::testing::Test {
 
 TEST_F(Cli, HelpOfEveryCommandGoesToStandardOutput) {
     for (const char* command :
-         {"", "run", "import", "import asl", "simulate", "evaluate", "render", "info"}) {
+         {"", "run", "import", "import asl", "simulate", "evaluate", "render", "info",
+          "statistics"}) {
         const ProgramResult result = run(std::string(command) + " --help");
         EXPECT_EQ(result.exit_code, 0) << command;
         EXPECT_NE(result.out.find("--help"), std::string::npos) << command;
