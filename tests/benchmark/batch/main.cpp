@@ -1,0 +1,148 @@
+// The batch estimator's minimisation against Ceres: same residuals, same start, same cost.
+//   vio_bench_batch [--scaling] [--ours] [SCENARIO.ini ...]
+// Without scenarios: a room. Each solver runs in a process of its own, so that its memory can be
+// told: the most that it took above what the problem itself takes.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <iostream>
+
+#include "libvio/batch/minimize.h"
+#include "tests/benchmark/batch/problems.h"
+#include "tests/benchmark/batch/rival.h"
+
+namespace vio::bench {
+namespace {
+
+Solved solve_with_ours(const TimedProblem& problem, int threads) {
+    (void)threads;
+    const auto began = std::chrono::steady_clock::now();
+    batch::State state = problem.start;
+    batch::NormalEquations equations(problem.model,
+                                     batch::make_layout(problem.model, problem.options));
+    batch::Objective objective(problem.model, problem.options, {});
+    const auto report = batch::minimize(objective, equations, {200, 1e-9}, state);
+    Solved solved;
+    solved.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    solved.iterations = report.iterations;
+    solved.final_cost = report.final.total();
+    solved.converged = report.converged;
+    return solved;
+}
+
+// A field of /proc/self/status [MB].
+double status_mb(const char* field) {
+    std::ifstream file("/proc/self/status");
+    std::string line;
+    while (std::getline(file, line))
+        if (line.rfind(field, 0) == 0) return std::stod(line.substr(std::strlen(field) + 1)) / 1024;
+    return 0;
+}
+
+struct Measured {
+    Solved solved;
+    double peak_mb = 0;
+};
+
+// Runs in a child process.
+Measured measured(const std::function<Solved()>& solve) {
+    int channel[2];
+    if (pipe(channel) != 0) throw std::runtime_error("pipe");
+    const pid_t child = fork();
+    if (child == 0) {
+        std::ofstream("/proc/self/clear_refs") << 5;  // forget the peak so far
+        const double before = status_mb("VmRSS");
+        Measured result{solve(), 0};
+        result.peak_mb = status_mb("VmHWM") - before;
+        const bool written = write(channel[1], &result, sizeof result) == sizeof result;
+        _exit(written ? 0 : 1);
+    }
+    close(channel[1]);
+    Measured result;
+    const bool whole = read(channel[0], &result, sizeof result) == sizeof result;
+    close(channel[0]);
+    int status = 0;
+    waitpid(child, &status, 0);
+    if (!whole) throw std::runtime_error("a solver's process ended early");
+    return result;
+}
+
+void print_row(const char* solver, int threads, const Measured& m) {
+    std::printf("  %-8s %7d %10d %12.1f %9.2f %9.0f %16.6f%s\n", solver, threads,
+                m.solved.iterations, 1e3 * m.solved.seconds / std::max(1, m.solved.iterations),
+                m.solved.seconds, m.peak_mb, m.solved.final_cost,
+                m.solved.converged ? "" : "  not converged");
+    std::fflush(stdout);
+}
+
+void print_header() {
+    std::printf("  %-8s %7s %10s %12s %9s %9s %16s\n", "solver", "threads", "iterations",
+                "ms/iteration", "total s", "peak MB", "final cost");
+}
+
+void compare(const TimedProblem& problem, bool rival) {
+    std::printf("%s\n", described(problem).c_str());
+    print_header();
+    for (int threads : {1, 2}) {
+        const auto ours = measured([&] { return solve_with_ours(problem, threads); });
+        print_row("ours", threads, ours);
+        if (!rival) continue;
+        const auto ceres = measured([&] {
+            return solve_with_ceres(problem.model, problem.options, problem.start, threads);
+        });
+        print_row("Ceres", threads, ceres);
+        std::printf("    %.1f times faster, %.2f of its memory, cost differs by %.1e\n",
+                    ceres.solved.seconds / ours.solved.seconds, ours.peak_mb / ceres.peak_mb,
+                    ours.solved.final_cost / ceres.solved.final_cost - 1);
+    }
+}
+
+// Time of an iteration over the number of images, and the exponent fitted to it.
+void scaling() {
+    std::printf("Growth with the number of images (100 features an image, tracks of at most 40)\n");
+    print_header();
+    double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+    for (int frames : {50, 100, 200, 400, 800, 1500, 3000}) {
+        const TimedProblem problem = room_problem(frames, 100, 40);
+        const auto ours = measured([&] { return solve_with_ours(problem, 1); });
+        print_row(std::to_string(frames).c_str(), 1, ours);
+        const double x = std::log(frames),
+                     y = std::log(ours.solved.seconds / ours.solved.iterations);
+        n += 1, sx += x, sy += y, sxx += x * x, sxy += x * y;
+    }
+    std::printf("    time per iteration grows as images^%.2f\n",
+                (n * sxy - sx * sy) / (n * sxx - sx * sx));
+}
+
+}  // namespace
+}  // namespace vio::bench
+
+int main(int argc, char** argv) {
+    using namespace vio::bench;
+    bool with_scaling = false, rival = true;
+    std::vector<std::string> scenarios;
+    for (int k = 1; k < argc; ++k) {
+        const std::string argument = argv[k];
+        if (argument == "--scaling")
+            with_scaling = true;
+        else if (argument == "--ours")
+            rival = false;
+        else
+            scenarios.push_back(argument);
+    }
+    try {
+        if (with_scaling) scaling();
+        for (const std::string& scenario : scenarios) compare(scenario_problem(scenario), rival);
+        if (scenarios.empty() && !with_scaling) compare(room_problem(700, 200, 60), rival);
+    } catch (const std::exception& error) {
+        std::cerr << error.what() << '\n';
+        return 1;
+    }
+}
