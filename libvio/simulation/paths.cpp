@@ -30,7 +30,7 @@ double share_of_leg(double t, double T, double r) {
     return speed * (t - r / 2);
 }
 
-// Random smooth function of time with standard deviation 1.
+// Random smooth function of time or place with standard deviation 1.
 class Oscillation {
  public:
     Oscillation(double rate, Random& random) {
@@ -52,6 +52,80 @@ class Oscillation {
     };
     Sine sines_[kSines];
 };
+
+// A curve on the ground, by the distance travelled.
+class Route {
+ public:
+    explicit Route(const std::vector<Eigen::Vector2d>& points) : curve_(through(points)) {
+        constexpr double kStep = 0.01;
+        const int n = static_cast<int>(std::ceil((curve_.end() - curve_.begin()) / kStep));
+        for (int i = 0; i <= n; ++i) {
+            parameters_.push_back(curve_.begin() + (curve_.end() - curve_.begin()) * i / n);
+            const double step = i == 0 ? 0 : (at(i) - at(i - 1)).norm();
+            distances_.push_back(i == 0 ? 0 : distances_.back() + step);
+        }
+    }
+
+    double length() const { return distances_.back(); }
+
+    /// Position, and the direction of travel [rad], at a distance from the start.
+    std::pair<Eigen::Vector2d, double> at_distance(double s) const {
+        const auto next = std::upper_bound(distances_.begin() + 1, distances_.end() - 1, s);
+        const auto i = next - distances_.begin();
+        const double share = (s - distances_[i - 1]) / (distances_[i] - distances_[i - 1]);
+        const double u = parameters_[i - 1] + share * (parameters_[i] - parameters_[i - 1]);
+        const Eigen::Vector2d tangent = curve_.evaluate(u, 1);
+        return {curve_.evaluate(u, 0), std::atan2(tangent.y(), tangent.x())};
+    }
+
+ private:
+    Eigen::Vector2d at(int i) const { return curve_.evaluate(parameters_[i], 0); }
+
+    static BSpline through(const std::vector<Eigen::Vector2d>& points) {
+        std::vector<double> chord;
+        Eigen::MatrixXd values(points.size(), 2);
+        for (size_t i = 0; i < points.size(); ++i) {
+            chord.push_back(i == 0 ? 0 : chord.back() + (points[i] - points[i - 1]).norm());
+            values.row(static_cast<Eigen::Index>(i)) = points[i];
+        }
+        return BSpline::interpolating(chord, values, CurveEnds::kFree);
+    }
+
+    BSpline curve_;
+    std::vector<double> parameters_, distances_;
+};
+
+// A stretch of a drive: from distance s0 on, `move` metres in `time`, then rest.
+struct Move {
+    double t0, s0, move, time, rest;
+};
+
+std::vector<Move> planned(double length, const Drive& drive, Random& random) {
+    std::vector<double> places{0}, rests;
+    double resting = 0;
+    for (int i = 0; i < drive.stops; ++i) {
+        // Spread over the route: a stop in each of as many equal parts.
+        places.push_back(length * (i + random.uniform(0.1, 0.9)) / drive.stops);
+        rests.push_back(drive.stop_duration * random.uniform(0.5, 1.5));
+        resting += rests.back();
+    }
+    places.push_back(length);
+    rests.push_back(0);
+    const double moving = drive.duration - resting;
+    const double speed = length / (moving - (drive.stops + 1) * drive.ramp);
+    if (!(speed > 0))
+        throw InputError("trajectory: " + std::to_string(drive.stops) + " stops of " +
+                         std::to_string(drive.stop_duration) +
+                         " s leave no time to move; shorten them or drive longer");
+    std::vector<Move> moves;
+    double t = 0;
+    for (size_t i = 0; i + 1 < places.size(); ++i) {
+        const double distance = places[i + 1] - places[i], time = distance / speed + drive.ramp;
+        moves.push_back({t, places[i], distance, time, rests[i]});
+        t += time + rests[i];
+    }
+    return moves;
+}
 
 }  // namespace
 
@@ -77,6 +151,32 @@ std::vector<Waypoint> straight_legs(const std::vector<Waypoint>& control_points,
         }
     }
     return points;
+}
+
+std::vector<Waypoint> drive_along(const std::vector<Eigen::Vector2d>& points, const Drive& drive,
+                                  double spacing, Random& random) {
+    const Route route(points);
+    const std::vector<Move> moves = planned(route.length(), drive, random);
+    std::vector<Oscillation> ground;  // height, pitch, roll
+    for (int i = 0; i < 3; ++i) ground.emplace_back(1 / drive.roughness_length, random);
+    std::vector<Waypoint> waypoints;
+    const int n = static_cast<int>(std::ceil(drive.duration / spacing));
+    auto move = moves.begin();
+    for (int k = 0; k <= n; ++k) {
+        const double t = drive.duration * k / n;
+        while (move + 1 != moves.end() && (move + 1)->t0 <= t) ++move;
+        const double r = std::min(drive.ramp, move->time / 2);
+        const double s = move->s0 + move->move * share_of_leg(t - move->t0, move->time, r);
+        const auto [xy, yaw] = route.at_distance(s);
+        using Eigen::AngleAxisd, Eigen::Vector3d;
+        const Eigen::Matrix3d R =
+            (AngleAxisd(yaw, Vector3d::UnitZ()) *
+             AngleAxisd(drive.roughness_angle * ground[1].at(s), Vector3d::UnitY()) *
+             AngleAxisd(drive.roughness_angle * ground[2].at(s), Vector3d::UnitX()))
+                .toRotationMatrix();
+        waypoints.push_back({t, {R, {xy.x(), xy.y(), drive.roughness_height * ground[0].at(s)}}});
+    }
+    return waypoints;
 }
 
 std::vector<Waypoint> shaken(std::vector<Waypoint> points, const Shake& shake, Random& random) {

@@ -1,6 +1,7 @@
 // Waypoints of programmed and of disturbed motions, dense enough for a spline to run through them.
 #pragma once
 
+#include <Eigen/Dense>
 #include <vector>
 
 #include "libvio/simulation/random.h"
@@ -17,6 +18,24 @@ namespace vio {
 /// Throws InputError for fewer than two control points or times that do not increase.
 std::vector<Waypoint> straight_legs(const std::vector<Waypoint>& control_points, double ramp,
                                     double spacing);
+
+/// How a ground vehicle drives.
+struct Drive {
+    double duration = 60;         ///< [s]
+    int stops = 0;                ///< rests on the way, at random places
+    double stop_duration = 5;     ///< mean; each lasts half as long to half as long again [s]
+    double ramp = 1;              ///< time of speeding up and of braking [s]
+    double roughness_angle = 0;   ///< standard deviation of pitch and roll on the ground [rad]
+    double roughness_height = 0;  ///< standard deviation of the ground's height [m]
+    double roughness_length = 2;  ///< mean wave length of both [m]
+};
+
+/// Drives along a smooth curve through the route's points (x, y) on the ground z = 0, B's x axis
+/// forward and z axis up, at one speed between stops. Uneven ground disturbs height, pitch and roll
+/// by the place, so that a vehicle at rest is at rest. Throws InputError for a route of fewer than
+/// two points or if the stops leave no time to move.
+std::vector<Waypoint> drive_along(const std::vector<Eigen::Vector2d>& route, const Drive& drive,
+                                  double spacing, Random& random);
 
 /// Oscillation on top of a motion: swinging of a crane's platform, shaking of a vehicle.
 struct Shake {

@@ -2,90 +2,15 @@
 
 #include <cmath>
 #include <filesystem>
-#include <numbers>
-#include <sstream>
 
 #include "libvio/camera/perspective.h"
 #include "libvio/io/trajectory_io.h"
-#include "libvio/simulation/paths.h"
+#include "libvio/simulation/scenario_text.h"
 
 namespace vio {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr TimeNs kTick = 100;  // resolution of rawlog stamps [ns]
-
-std::vector<double> numbers_in(const std::string& text, const std::string& option) {
-    std::istringstream in(text);
-    std::vector<double> values;
-    for (std::string word; in >> word;) {
-        char* end = nullptr;
-        values.push_back(std::strtod(word.c_str(), &end));
-        if (*end != '\0' || !std::isfinite(values.back()))
-            throw InputError("scenario " + option + ": '" + word + "' is not a number");
-    }
-    return values;
-}
-
-std::vector<double> numbers_in(const std::string& text, const std::string& option, size_t count) {
-    std::vector<double> values = numbers_in(text, option);
-    if (values.size() != count)
-        throw InputError("scenario " + option + ": " + std::to_string(values.size()) +
-                         " numbers in '" + text + "', expected " + std::to_string(count));
-    return values;
-}
-
-// From x y z [m] yaw pitch roll [deg], R = Rz(yaw) Ry(pitch) Rx(roll) as MRPT's CPose3D.
-Pose pose_from(const double* v) {
-    using Eigen::AngleAxisd, Eigen::Vector3d;
-    return {(AngleAxisd(v[3] * kDegree, Vector3d::UnitZ()) *
-             AngleAxisd(v[4] * kDegree, Vector3d::UnitY()) *
-             AngleAxisd(v[5] * kDegree, Vector3d::UnitX()))
-                .toRotationMatrix(),
-            {v[0], v[1], v[2]}};
-}
-
-Pose pose_option(const std::string& text, const std::string& option) {
-    return pose_from(numbers_in(text, option, 6).data());
-}
-
-// Times between waypoints that follow ramps and oscillations closely [s].
-double waypoint_spacing(const ScenarioOptions& options, bool shakes) {
-    double spacing = 0.1;
-    if (options.path == "legs") spacing = std::min(spacing, options.ramp_s / 8);
-    if (shakes) spacing = std::min(spacing, 0.06 / options.shake_rate);
-    return std::max(spacing, 1e-3);
-}
-
-SplineTrajectory waypoint_trajectory(const ScenarioOptions& options) {
-    std::vector<Waypoint> points;
-    std::istringstream in(options.waypoints);
-    for (std::string text; std::getline(in, text, ',');) {
-        const auto v = numbers_in(text, "[trajectory] waypoints", 7);
-        points.push_back({v[0], pose_from(&v[1])});
-    }
-    const CurveEnds ends = options.at_rest ? CurveEnds::kAtRest : CurveEnds::kFree;
-    const Shake shake{options.shake_angle_deg * kDegree, options.shake_distance,
-                      options.shake_rate};
-    const bool shakes = shake.angle > 0 || shake.distance > 0;
-    const double spacing = waypoint_spacing(options, shakes);
-    if (options.path == "legs") {
-        points = straight_legs(points, options.ramp_s, spacing);
-    } else if (shakes) {
-        const SplineTrajectory smooth = SplineTrajectory::through(points, ends);
-        points.clear();
-        const int n = static_cast<int>(std::ceil((smooth.end() - smooth.begin()) / spacing));
-        for (int i = 0; i <= n; ++i) {
-            const double t = smooth.begin() + (smooth.end() - smooth.begin()) * i / n;
-            points.push_back({t, smooth.at(t).T_W_B});
-        }
-    }
-    if (shakes) {
-        Random random(static_cast<std::uint64_t>(options.seed), "shake");
-        points = shaken(std::move(points), shake, random);
-    }
-    return SplineTrajectory::through(points, ends);
-}
 
 SplineTrajectory recorded_trajectory(const ScenarioOptions& options) {
     const std::vector<TimedPose> recorded = read_trajectory(options.recorded_file);
@@ -96,9 +21,10 @@ SplineTrajectory recorded_trajectory(const ScenarioOptions& options) {
 }
 
 std::unique_ptr<const Trajectory> make_trajectory(const ScenarioOptions& options) {
-    return std::make_unique<SplineTrajectory>(options.recorded_file.empty()
-                                                  ? waypoint_trajectory(options)
-                                                  : recorded_trajectory(options));
+    return std::make_unique<SplineTrajectory>(
+        options.recorded_file.empty()
+            ? options.motion.make(static_cast<std::uint64_t>(options.seed))
+            : recorded_trajectory(options));
 }
 
 CameraPtr make_camera(const ScenarioOptions& options) {
@@ -160,21 +86,7 @@ void ScenarioOptions::describe(OptionSet& set) {
     set.add("start_time", &start_time_s, "s", {0, 2e9}, "UNIX time at the trajectory's t = 0");
     set.add("gravity", &gravity, "m/s^2", {0, 20}, "acceleration of gravity, along -z of W");
 
-    set.section("trajectory");
-    set.add(
-        "waypoints", &waypoints,
-        "control points t x y z yaw pitch roll [s, m, deg] of the body in W, separated by commas");
-    set.add("path", &path, {"curve", "legs"},
-            "how to go from control point to control point: along one smooth curve, or straight, "
-            "stopping at each");
-    set.add("ramp", &ramp_s, "s", {0.01, 1e4},
-            "path = legs: time of speeding up and of braking, at most half of each leg's");
-    set.add("shake_angle", &shake_angle_deg, "deg", {0, 90},
-            "random oscillation of the attitude, 1 sigma per axis");
-    set.add("shake_distance", &shake_distance, "m", {0, 10},
-            "random oscillation of the position, 1 sigma per axis");
-    set.add("shake_rate", &shake_rate, "Hz", {0.01, 20}, "mean frequency of the oscillations");
-    set.add("at_rest", &at_rest, "starts from rest and comes to rest");
+    motion.describe(set);
     set.add(
         "recorded_file", &recorded_file,
         "instead of waypoints: TUM text or EuRoC ground truth to move along, t = 0 at its first "
@@ -321,7 +233,7 @@ void Simulation::make_imu() {
         imu_times(seconds(image_times_.front()) - options_.imu_margin_s,
                   seconds(image_times_.back()) + options_.imu_margin_s, options_.imu_rate,
                   options_.imu_jitter_s, times_random);
-    if (!options_.at_rest || !options_.recorded_file.empty())
+    if (!options_.motion.rests_at_ends() || !options_.recorded_file.empty())
         if (times.front() < trajectory_->begin() || times.back() > trajectory_->end())
             throw InputError("scenario [camera] first_image, count: the inertial readings from " +
                              std::to_string(times.front()) + " to " + std::to_string(times.back()) +

@@ -12,6 +12,7 @@
 #include "libvio/camera/rig.h"
 #include "libvio/simulation/imu_simulator.h"
 #include "libvio/simulation/renderer.h"
+#include "libvio/simulation/scenario_motion.h"
 #include "libvio/simulation/scene.h"
 #include "libvio/simulation/statistics.h"
 #include "libvio/simulation/tracks.h"
@@ -27,10 +28,7 @@ struct ScenarioOptions {
     int seed = 1;
     int start_time_s = 1100000000;  ///< stamp of t = 0, UNIX time
 
-    std::string waypoints = "0 0 0 1.2 0 0 0, 1 1 0 1.2 0 0 0";  ///< unless recorded_file is given
-    std::string path = "curve";
-    double ramp_s = 1, shake_angle_deg = 0, shake_distance = 0, shake_rate = 1;
-    bool at_rest = true;
+    ScenarioMotion motion;  ///< unless recorded_file is given
     std::string recorded_file;
     double recorded_piece_s = 0.05;
 

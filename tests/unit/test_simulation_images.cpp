@@ -210,7 +210,7 @@ TEST(Scenario, PerspectiveArmHasThePapersStatistics) {
 
 TEST(Scenario, RefusesNonsense) {
     ScenarioOptions options = small_scenario();
-    options.waypoints = "0 0 0 1 0 0, 1 0 0 1 0 0 0";
+    options.motion.waypoints = "0 0 0 1 0 0, 1 0 0 1 0 0 0";
     EXPECT_THROW(Simulation{options}, InputError);
     options = small_scenario();
     options.first_image_s = 5;
