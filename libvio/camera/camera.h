@@ -23,14 +23,16 @@ class Camera {
  public:
     virtual ~Camera() = default;
 
-    /// Pixel of the point p_C [m], whether or not it lies inside the image; nothing where the model
-    /// cannot image it (behind the camera, beyond the lens' valid field).
+    /// Pixel of the point p_C [m], whether or not it lies inside the image or the region that sees
+    /// the world; nothing where the model cannot image it (behind a perspective camera or a mirror,
+    /// beyond the field that the formula holds for).
     /// J, if given, receives d uv / d p_C [px/m].
     virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_C,
                                                    Matrix23d* J = nullptr) const = 0;
 
-    /// Ray of a pixel; nothing where no ray reaches that pixel. project(origin + s direction) is
-    /// uv_px for every s > 0.
+    /// Ray of a pixel; nothing where no ray reaches that pixel: outside a fisheye's circle, beside
+    /// a mirror, in the middle of a mirror, where the camera sees itself. This is the valid region
+    /// of the image. project(origin + s direction) is uv_px for every s > 0.
     virtual std::optional<Ray> ray(const Eigen::Vector2d& uv_px) const = 0;
 
     virtual int width() const = 0;   ///< [px]

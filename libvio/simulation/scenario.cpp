@@ -3,7 +3,6 @@
 #include <cmath>
 #include <filesystem>
 
-#include "libvio/camera/perspective.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/simulation/scenario_text.h"
 
@@ -28,16 +27,9 @@ std::unique_ptr<const Trajectory> make_trajectory(const ScenarioOptions& options
 }
 
 CameraPtr make_camera(const ScenarioOptions& options) {
-    PerspectiveParameters p;
-    p.width = options.image_width;
-    p.height = options.image_height;
-    const auto f = numbers_in(options.intrinsics, "[camera] intrinsics", 4);
-    p.fx = f[0], p.fy = f[1], p.cx = f[2], p.cy = f[3];
-    const auto k = numbers_in(options.distortion, "[camera] distortion");
-    if (k.size() > p.distortion.size())
-        throw InputError("scenario [camera] distortion: more than eight coefficients");
-    std::copy(k.begin(), k.end(), p.distortion.begin());
-    return std::make_shared<PerspectiveCamera>(p);
+    return options.camera.make(options.image_width, options.image_height,
+                               numbers_in(options.intrinsics, "[camera] intrinsics"),
+                               numbers_in(options.distortion, "[camera] distortion"));
 }
 
 Eigen::Matrix3d random_gain(double scale_sigma, double misalignment_sigma, Random& random) {
@@ -95,10 +87,13 @@ void ScenarioOptions::describe(OptionSet& set) {
             "length of the spline pieces fitted to recorded_file; longer is smoother");
 
     set.section("camera");
+    camera.describe(set);
     set.add("width", &image_width, "px", {8, 8192}, "image width");
     set.add("height", &image_height, "px", {8, 8192}, "image height");
-    set.add("intrinsics", &intrinsics, "fx fy cx cy [px]");
-    set.add("distortion", &distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]] [-], in OpenCV's order");
+    set.add("intrinsics", &intrinsics,
+            "fx fy [px; fisheye px/rad, parabolic_mirror px/m] cx cy [px]");
+    set.add("distortion", &distortion,
+            "k1 k2 p1 p2 [k3 [k4 k5 k6]] [-], in OpenCV's order; fisheye: k1 k2 k3 k4");
     set.add("pose", &camera_pose,
             "x y z yaw pitch roll [m, deg] of the camera in the body (T_B_C)");
     set.add("rate", &image_rate, "Hz", {0.01, 1000}, "images per second");

@@ -12,6 +12,7 @@
 #include "libvio/camera/rig.h"
 #include "libvio/simulation/imu_simulator.h"
 #include "libvio/simulation/renderer.h"
+#include "libvio/simulation/scenario_camera.h"
 #include "libvio/simulation/scenario_motion.h"
 #include "libvio/simulation/scene.h"
 #include "libvio/simulation/statistics.h"
@@ -35,6 +36,7 @@ struct ScenarioOptions {
     int image_width = 640, image_height = 240;
     std::string intrinsics = "834.18 419.88 317.34 105.30";
     std::string distortion = "-0.290 0.557 -0.00621 -0.00066";
+    ScenarioCamera camera;  ///< model, and what belongs to it
     std::string camera_pose = "0 0 0 0 0 180";
     double image_rate = 30;
     double first_image_s = 0;
