@@ -28,10 +28,10 @@ std::array<double, N> coefficients(const std::vector<double>& given) {
 Pose pose_from(const std::string& text) {
     std::istringstream in(text);
     std::array<double, 6> v{};
-    for (double& value : v)
-        if (!(in >> value))
-            throw InputError("scenario [camera] mirror_pose: expected six numbers in '" + text +
-                             "'");
+    for (double& value : v) in >> value;
+    std::string more;
+    if (!in || in >> more)
+        throw InputError("scenario [camera] mirror_pose: expected six numbers in '" + text + "'");
     using Eigen::AngleAxisd, Eigen::Vector3d;
     return {(AngleAxisd(v[3] * kDegree, Vector3d::UnitZ()) *
              AngleAxisd(v[4] * kDegree, Vector3d::UnitY()) *
