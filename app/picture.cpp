@@ -40,26 +40,29 @@ Eigen::Vector2d half_view(const Camera& camera) {
 
 }  // namespace
 
+Drawing drawing_of(const Estimate& estimate, const Rig& rig, const NamedPath& truth) {
+    Drawing drawing;
+    drawing.options.T_B_C = rig.T_B_C;
+    if (rig.camera) drawing.options.half_view = half_view(*rig.camera);
+    try {
+        if (!truth.poses.empty()) drawing.others.push_back(aligned_truth(estimate, truth));
+    } catch (const InputError& error) {
+        drawing.problem = std::string("truth not drawn: ") + error.what();
+    }
+    return drawing;
+}
+
 std::string write_picture(const Estimate& estimate, const Rig& rig, const NamedPath& truth,
                           const std::string& folder) {
-    SceneOptions options;
-    options.T_B_C = rig.T_B_C;
-    options.half_view = half_view(*rig.camera);
-    std::vector<NamedPath> others;
-    std::string problem;
-    try {
-        if (!truth.poses.empty()) others.push_back(aligned_truth(estimate, truth));
-    } catch (const InputError& error) {
-        problem = std::string("truth not drawn: ") + error.what();
-    }
+    const Drawing drawing = drawing_of(estimate, rig, truth);
     // A picture of an earlier run must not stand beside these results.
     std::filesystem::remove(folder + "/snapshot.png");
-    const auto scene = build_scene(estimate, options, others);
+    const auto scene = build_scene(estimate, drawing.options, drawing.others);
     save_scene(*scene, folder + "/scene.3Dscene");
     const Snapshot snapshot = render_snapshot(scene);
     if (!snapshot.problem.empty()) return snapshot.problem;
     save_image(snapshot.image, folder + "/snapshot.png");
-    return problem;
+    return drawing.problem;
 }
 
 }  // namespace vio::app

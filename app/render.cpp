@@ -1,54 +1,149 @@
-// vio-slam render: pictures of results and scenes.
+// vio-slam render: pictures and videos of results, scenes and feature tracks.
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <numbers>
 
 #include "app/commands.h"
+#include "app/picture.h"
+#include "app/progress.h"
+#include "app/track_pictures.h"
+#include "gui_offscreen/film.h"
 #include "gui_offscreen/scene.h"
 #include "gui_offscreen/snapshot.h"
 #include "libvio/base/errors.h"
+#include "libvio/io/results.h"
+#include "libvio/io/trajectory_io.h"
 
 namespace vio::app {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct Arguments {
-    std::string source, output, view = "iso", size = "1280x720";
-    SnapshotOptions options;
+    std::string source, output, view = "iso", size = "1280x720", film, truth;
+    double turn_deg = 0, seconds = 10, rate = 30;
+    bool dark = false;
+    TrackPictureRequest tracks;
 };
 
-void parse_size(const std::string& size, SnapshotOptions& options) {
+SnapshotOptions picture_options(const Arguments& arguments) {
+    SnapshotOptions options;
     char rest = 0;
-    if (std::sscanf(size.c_str(), "%dx%d%c", &options.width, &options.height, &rest) != 2 ||
+    if (std::sscanf(arguments.size.c_str(), "%dx%d%c", &options.width, &options.height, &rest) !=
+            2 ||
         options.width < 64 || options.height < 64 || options.width > 8192 ||
         options.height > 8192 || options.width % 4 != 0)
-        throw InputError("--size " + size +
+        throw InputError("--size " + arguments.size +
                          ": expected WxH in pixels, 64 to 8192, the width a multiple of 4");
+    options.view = *parse_view(arguments.view);
+    options.turn = arguments.turn_deg * std::numbers::pi / 180;
+    return options;
 }
 
-void run(Arguments arguments) {
-    parse_size(arguments.size, arguments.options);
-    arguments.options.view = *parse_view(arguments.view);
-    std::string file = arguments.source;
-    if (std::filesystem::is_directory(file)) file += "/scene.3Dscene";
-    const Snapshot snapshot = render_snapshot(load_scene(file), arguments.options);
-    if (!snapshot.problem.empty()) throw InputError(snapshot.problem);
-    save_image(snapshot.image, arguments.output);
+bool is_video(const std::string& file) {
+    const std::string extension = fs::path(file).extension().string();
+    return extension == ".mp4" || extension == ".avi";
+}
+
+// Returns why there is no picture, or nothing.
+std::string render_scene(const mrpt::opengl::COpenGLScene::Ptr& scene, const Arguments& arguments,
+                         const FilmOptions& film) {
+    if (is_video(arguments.output)) return film_turntable(scene, film, arguments.output);
+    const Snapshot snapshot = render_snapshot(scene, film.picture);
+    if (snapshot.problem.empty()) save_image(snapshot.image, arguments.output);
+    return snapshot.problem;
+}
+
+std::string render_results(const Arguments& arguments, const FilmOptions& film) {
+    const Estimate estimate = read_results(arguments.source);
+    NamedPath truth{arguments.truth, {}};
+    if (!arguments.truth.empty()) truth.poses = read_trajectory(arguments.truth);
+    Drawing drawing = drawing_of(estimate, read_results_rig(arguments.source), truth);
+    if (!drawing.problem.empty()) throw InputError(drawing.problem);
+    drawing.options.dark = arguments.dark;
+    if (is_video(arguments.output) && arguments.film != "turntable")
+        return film_motion(estimate, drawing.options, drawing.others, film, arguments.output);
+    return render_scene(build_scene(estimate, drawing.options, drawing.others), arguments, film);
+}
+
+void run(const Arguments& arguments) {
+    FilmOptions film;
+    film.picture = picture_options(arguments);
+    film.rate = arguments.rate;
+    film.frames = std::max(1, static_cast<int>(std::lround(arguments.seconds * arguments.rate)));
+    std::string problem;
+    {
+        Progress progress("rendering");
+        film.progress = [&](double share) { progress.update(share); };
+        if (fs::is_directory(arguments.source)) {
+            problem = render_results(arguments, film);
+        } else if (fs::path(arguments.source).extension() == ".rawlog") {
+            TrackPictureRequest request = arguments.tracks;
+            request.rawlog = arguments.source;
+            request.output = arguments.output;
+            request.video = is_video(arguments.output);
+            write_track_pictures(request, film.progress);
+        } else {
+            if (arguments.dark || !arguments.truth.empty())
+                throw InputError(
+                    "--dark and --truth are for results folders: a .3Dscene is drawn "
+                    "as it is");
+            problem = render_scene(load_scene(arguments.source), arguments, film);
+        }
+    }
+    if (!problem.empty()) throw InputError(problem);
     std::cout << arguments.output << "\n";
 }
 
 }  // namespace
 
 void add_render(CLI::App& program) {
-    CLI::App* command = program.add_subcommand("render", "Picture of a result, without a display");
+    CLI::App* command = program.add_subcommand(
+        "render", "Picture or video of a result, a scene or feature tracks, without a display");
     auto arguments = std::make_shared<Arguments>();
-    command->add_option("SOURCE", arguments->source, "Results folder, or .3Dscene file")
+    command
+        ->add_option("SOURCE", arguments->source,
+                     "Results folder; .3Dscene file; or rawlog, whose images are drawn with their "
+                     "feature tracks")
         ->required();
-    command->add_option("-o,--output", arguments->output, "Picture to write (PNG)")->required();
+    command
+        ->add_option("-o,--output", arguments->output,
+                     "Picture (.png, .jpg) or video (.mp4, .avi) to write")
+        ->required();
     command->add_option("--view", arguments->view, "Where to look from")
         ->check(CLI::IsMember({"iso", "top", "side", "chase"}))
         ->capture_default_str();
     command->add_option("--size", arguments->size, "Width x height [px]")->capture_default_str();
+    command->add_option("--turn", arguments->turn_deg, "Turn the view about the vertical [deg]")
+        ->capture_default_str();
+    command->add_flag("--dark", arguments->dark, "Dark background");
+    command->add_option("--truth", arguments->truth,
+                        "True trajectory (TUM or EuRoC) to draw beside a result");
+    command
+        ->add_option("--film", arguments->film,
+                     "What a video shows of a result: its motion (default), or one turn around it")
+        ->check(CLI::IsMember({"motion", "turntable"}));
+    command->add_option("--seconds", arguments->seconds, "Length of a video of a scene [s]")
+        ->check(CLI::Range(0.1, 3600.0))
+        ->capture_default_str();
+    command->add_option("--rate", arguments->rate, "Pictures per second of such a video [Hz]")
+        ->check(CLI::Range(1.0, 120.0))
+        ->capture_default_str();
+    command
+        ->add_option("--images", arguments->tracks.images,
+                     "Images in a picture of feature tracks, evenly spread")
+        ->check(CLI::Range(1, 100))
+        ->capture_default_str();
+    command
+        ->add_option("--from", arguments->tracks.begin_s,
+                     "Leave out images before, counted from the first [s]")
+        ->check(CLI::NonNegativeNumber);
+    command->add_option("--to", arguments->tracks.end_s, "Leave out images after [s]")
+        ->check(CLI::PositiveNumber);
+    command->add_option("--calibration", arguments->tracks.recording.calibration_file,
+                        "Calibration that overrides the rawlog's, for its feature tracks");
     command->callback([arguments] { run(*arguments); });
 }
 

@@ -234,22 +234,42 @@ void add_grid(COpenGLScene& scene, const std::vector<Vector3d>& path,
     scene.insert(grid);
 }
 
-}  // namespace
-
-COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& options,
-                              const std::vector<NamedPath>& others) {
-    const Palette& colors = palette(options.dark);
-    const std::vector<StateEstimate> states = finite_states(estimate);
-    std::vector<Vector3d> path = {Vector3d::Zero()}, landmarks;
+/// Every finite position, and W's origin.
+std::vector<Vector3d> all_paths(const std::vector<StateEstimate>& states,
+                                const std::vector<NamedPath>& others) {
+    std::vector<Vector3d> path = {Vector3d::Zero()};
     for (const StateEstimate& s : states) path.push_back(s.T_W_B.p);
     for (const NamedPath& other : others)
         for (const TimedPose& row : other.poses)
             if (row.T_W_B.p.allFinite()) path.push_back(row.T_W_B.p);
+    return path;
+}
+
+}  // namespace
+
+double path_extent(const Estimate& estimate, const std::vector<NamedPath>& others) {
+    Eigen::AlignedBox3d box;
+    for (const Vector3d& p : all_paths(finite_states(estimate), others)) box.extend(p);
+    return std::max(box.diagonal().norm(), 0.1);
+}
+
+COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& options,
+                              const std::vector<NamedPath>& others) {
+    const Palette& colors = palette(options.dark);
+    std::vector<StateEstimate> states = finite_states(estimate);
+    const std::vector<Vector3d> path = all_paths(states, others);
+    std::vector<Vector3d> landmarks;
     for (const LandmarkEstimate& landmark : estimate.landmarks)
         if (landmark.p_W.allFinite()) landmarks.push_back(landmark.p_W);
-    Eigen::AlignedBox3d box;
-    for (const Vector3d& p : path) box.extend(p);
-    const Sizes sizes{std::max(box.diagonal().norm(), 0.1)};
+    const Sizes sizes{path_extent(estimate, others)};
+    std::vector<StateEstimate> to_come;
+    if (options.until) {
+        const auto later = std::find_if(states.begin(), states.end(), [&](const StateEstimate& s) {
+            return s.t > *options.until;
+        });
+        to_come.assign(later, states.end());
+        states.erase(later, states.end());
+    }
 
     auto scene = COpenGLScene::Create();
     scene->getViewport()->setCustomBackgroundColor(mrpt::img::TColorf(colors.background));
@@ -266,8 +286,16 @@ COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& opti
         auto mesh = make_mesh("path " + others[i].name, color);
         std::vector<Vector3d> points;
         for (const TimedPose& row : others[i].poses) points.push_back(row.T_W_B.p);
-        add_path(*mesh, points, sizes.path_radius(), color);
+        // Thinner than the estimate, which would vanish inside it where both agree.
+        add_path(*mesh, points, 0.65 * sizes.path_radius(), color);
         if (mesh->getTrianglesCount() > 0) scene->insert(mesh);
+    }
+    if (!to_come.empty()) {
+        auto mesh = make_mesh("path to come", colors.grid);
+        std::vector<Vector3d> points;
+        for (const StateEstimate& state : to_come) points.push_back(state.T_W_B.p);
+        add_path(*mesh, points, 0.35 * sizes.path_radius(), colors.grid);
+        scene->insert(mesh);
     }
     add_estimate_path(*scene, states, options.name, sizes, colors);
     add_frusta(*scene, states, options, sizes, colors);

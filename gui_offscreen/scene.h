@@ -4,6 +4,7 @@
 #include <mrpt/opengl/COpenGLScene.h>
 
 #include <Eigen/Dense>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,12 @@ struct SceneOptions {
     int max_frusta = 40;      ///< evenly spread over the path
     int max_ellipsoids = 20;  ///< poses whose 3-sigma ellipsoid is drawn, evenly spread
     double ellipsoid_sigmas = 3;
+    /// Draw the estimate's path up to this time only; sizes and grid stay those of the whole.
+    std::optional<TimeNs> until;
 };
+
+/// Diagonal of the box around all paths [m], at least 0.1.
+double path_extent(const Estimate& estimate, const std::vector<NamedPath>& others);
 
 /// Scene in the estimate's world: grid, axes, path as a tube (lost stretches in red), other paths,
 /// camera frusta, landmarks coloured by uncertainty, position ellipsoids, gravity.

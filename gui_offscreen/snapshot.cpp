@@ -83,18 +83,18 @@ SceneContent content_of(const COpenGLScene& scene) {
     return content;
 }
 
-CameraPlacement chase(const SceneContent& content, const Eigen::Matrix3d& turn, int width,
-                      int height) {
+CameraPlacement chase(const SceneContent& content, const ChasePoint& point,
+                      const Eigen::Matrix3d& turn, int width, int height) {
     Eigen::AlignedBox3d box;
     for (const Vector3d& p : content.path) box.extend(p);
-    const double extent = box.diagonal().norm(), distance = 0.35 * extent;
-    const Vector3d view = content.T_W_C->R.col(2);
-    Vector3d forward(view.x(), view.y(), 0);
-    forward = forward.norm() > 0.1 ? forward.normalized() : Vector3d(content.T_W_C->R.col(0));
+    const double extent = point.extent > 0 ? point.extent : box.diagonal().norm();
+    const double distance = 0.35 * extent;
+    const Vector3d forward =
+        point.forward.norm() > 1e-6 ? point.forward.normalized() : Vector3d::UnitX();
     const Vector3d offset = turn * (Vector3d(0, 0, 0.5 * distance) - distance * forward);
     CameraPlacement camera;
     camera.T_W_C.R = look_along(0.4 * distance * (turn * forward) - offset);
-    camera.T_W_C.p = content.T_W_C->p + offset;
+    camera.T_W_C.p = point.position + offset;
     camera.focal_px = 0.5 * std::max(width, height) / std::tan(1.2 * kPerspectiveView);
     camera.near_m = 0.02 * distance;
     camera.far_m = 40 * extent;
@@ -104,7 +104,11 @@ CameraPlacement chase(const SceneContent& content, const Eigen::Matrix3d& turn, 
 CameraPlacement place_camera(const SceneContent& content, const SnapshotOptions& options, int width,
                              int height) {
     const Eigen::Matrix3d turn = so3::exp({0, 0, options.turn});
-    if (options.view == View::kChase && content.T_W_C) return chase(content, turn, width, height);
+    std::optional<ChasePoint> followed = options.chase;
+    if (!followed && content.T_W_C)
+        followed = ChasePoint{content.T_W_C->p, chase_direction(*content.T_W_C)};
+    if (options.view == View::kChase && followed)
+        return chase(content, *followed, turn, width, height);
     const auto nearby = nearby_points(content.path, content.landmarks);
     Eigen::Matrix3d R = look_along(turn * Vector3d(-0.62, 0.85, -0.72));
     if (options.view == View::kTop) R << turn.col(0), -turn.col(1), -turn.col(2);
@@ -164,6 +168,11 @@ std::optional<View> parse_view(const std::string& word) {
     if (word == "iso") return View::kIso;
     if (word == "chase") return View::kChase;
     return std::nullopt;
+}
+
+Vector3d chase_direction(const Pose& T_W_C) {
+    const Vector3d view(T_W_C.R(0, 2), T_W_C.R(1, 2), 0), x = T_W_C.R.col(0);
+    return view.norm() > 0.1 ? view.normalized() : Vector3d(x.x(), x.y(), 0).normalized();
 }
 
 struct SnapshotRenderer::Impl {

@@ -3,10 +3,13 @@
 
 #include <mrpt/opengl/COpenGLScene.h>
 
+#include <Eigen/Dense>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+
+#include "libvio/geometry/pose.h"
 
 namespace vio {
 
@@ -20,12 +23,23 @@ enum class View {
 /// "top", "side", "iso" or "chase"; nothing for another word.
 std::optional<View> parse_view(const std::string& word);
 
+/// What View::kChase looks at.
+struct ChasePoint {
+    Eigen::Vector3d position;  ///< of the camera that is followed, in W [m]
+    Eigen::Vector3d forward;   ///< horizontal direction in which it goes, of any length
+    double extent = 0;         ///< of the whole path [m]; 0: of the path in the scene
+};
+
+/// Horizontal part of where a camera looks; its x axis where it looks straight down or up.
+Eigen::Vector3d chase_direction(const Pose& T_W_C);
+
 struct SnapshotOptions {
     int width = 1280, height = 720;  ///< [px]
     View view = View::kIso;
-    double turn = 0;        ///< further rotation about z, for turntables [rad]
-    int supersampling = 2;  ///< samples per pixel and axis, for smooth edges
-    bool legend = true;     ///< names, colours and scale in a corner
+    std::optional<ChasePoint> chase;  ///< instead of the scene's newest camera
+    double turn = 0;                  ///< further rotation about z, for turntables [rad]
+    int supersampling = 2;            ///< samples per pixel and axis, for smooth edges
+    bool legend = true;               ///< names, colours and scale in a corner
 };
 
 /// A picture, or why there is none.

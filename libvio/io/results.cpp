@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 
+#include "libvio/io/calibration_file.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -281,6 +282,7 @@ void write_results(const std::string& folder, const Results& results, bool overw
     const Estimate& estimate = results.estimate;
     const auto file = [&](const char* name) { return path_in(folder, name); };
     write_text(file("options.ini"), results.options_ini);
+    write_text(file("calibration.ini"), calibration_text(results.rig));
     write_text(file("trajectory_cov.txt"), covariance_text(estimate));
     write_text(file("states.csv"), states_text(estimate));
     write_text(file("landmarks.ply"), landmarks_ply(estimate));
@@ -313,6 +315,13 @@ Estimate read_results(const std::string& folder) {
     optional("landmarks.ply", read_ply);
     optional("summary.json", read_summary);
     return estimate;
+}
+
+Rig read_results_rig(const std::string& folder) {
+    Rig rig;
+    const std::string file = path_in(folder, "calibration.ini");
+    if (fs::exists(file)) load_calibration(file, rig);
+    return rig;
 }
 
 std::vector<FeatureFrame> select_keyframes(const std::vector<FeatureFrame>& frames,

@@ -26,8 +26,8 @@ struct Results {
 void check_results_folder(const std::string& folder, bool overwrite);
 
 /// Writes trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv, landmarks.ply,
-/// landmarks.txt, keyframes.simplemap, options.ini and summary.json into the folder (made if
-/// missing; other files in it are left alone). Each file appears complete or not at all. Formats:
+/// landmarks.txt, keyframes.simplemap, options.ini, calibration.ini and summary.json into the
+/// folder (made if missing; other files in it are left alone). Each file appears complete or not at all. Formats:
 /// share/formats.md. Throws as check_results_folder does, and if the disk is full.
 void write_results(const std::string& folder, const Results& results, bool overwrite = false);
 
@@ -36,6 +36,10 @@ void write_results(const std::string& folder, const Results& results, bool overw
 /// Covariances of velocity and biases come back as their diagonals, without correlations. Throws
 /// InputError (file and line) for a missing trajectory or malformed content.
 Estimate read_results(const std::string& folder);
+
+/// The calibration that the run used, from calibration.ini; a rig without a camera where there is
+/// no such file. Throws as load_calibration().
+Rig read_results_rig(const std::string& folder);
 
 /// Frames that follow the motion: the first, every one that shares less than `overlap` of its
 /// features with the key-frame before, and the last.

@@ -182,9 +182,13 @@ TEST_F(Cli, PrintedOptionsLoadAgain) {
     EXPECT_EQ(run("run --print-options --config " + folder_ / "options.ini").out, first.out);
 }
 
-TEST_F(Cli, RenderRefusesImpossibleSizes) {
+TEST_F(Cli, RenderRefusesWhatItCannotDraw) {
     for (const char* size : {"abc", "10x10", "1281x720", "1280x720x3"})
         expect_error("render x.3Dscene -o x.png --size " + std::string(size), {"--size", size});
+    expect_error("render x.rawlog -o " + folder_ / "x.png", {"x.rawlog"});
+    expect_error("render " + rawlog({}) + " -o " + folder_ / "x.gif", {"x.gif"});
+    expect_error("render " + rawlog({true, false, true}) + " -o " + folder_ / "x.png",
+                 {"input.rawlog", "no images"});
 }
 
 TEST_F(Cli, InfoListsStreamsAndCalibration) {

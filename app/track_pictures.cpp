@@ -1,0 +1,163 @@
+#include "app/track_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <map>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "gui_offscreen/film.h"
+#include "gui_offscreen/overlay.h"
+#include "gui_offscreen/snapshot.h"
+#include "libvio/base/errors.h"
+#include "libvio/tracking/front_end.h"
+
+namespace vio::app {
+namespace {
+
+constexpr size_t kTail = 15;            // images
+constexpr size_t kMostUnpaired = 1000;  // images that wait for their features
+constexpr int kStripWidth = 1600;       // [px]
+
+int scale_of(const cv::Mat& image) {
+    return std::clamp(static_cast<int>(std::lround(640.0 / image.cols)), 1, 4);
+}
+
+// Gives each image of a rawlog, in order of time, with the frames of features up to it.
+template <typename Use>
+void for_each_tracked_image(const TrackPictureRequest& request, Use use,
+                            const std::function<void(double)>& progress) {
+    Recording recording(request.rawlog, request.recording);
+    if (!recording.has_images()) throw InputError(request.rawlog + ": no images to draw tracks on");
+    const bool has_tracks = recording.has_features();
+    if (!has_tracks && !recording.rig().camera)
+        throw InputError(request.rawlog +
+                         ": the camera is not calibrated; give --calibration FILE");
+    std::unique_ptr<TrackingFrontEnd> front_end;
+    if (!has_tracks)
+        front_end = std::make_unique<TrackingFrontEnd>(TrackerOptions{}, recording.rig(),
+                                                       recording.has_imu());
+    std::map<TimeNs, cv::Mat> images;
+    std::vector<FeatureFrame> tail;
+    std::optional<TimeNs> first;
+    const auto pair_up = [&](const FeatureFrame& frame) {
+        tail.push_back(frame);
+        if (tail.size() > kTail + 1) tail.erase(tail.begin());
+        const auto image = images.find(frame.t);
+        if (image == images.end()) return;
+        use(image->second, tail);
+        images.erase(images.begin(), std::next(image));
+    };
+    while (const auto message = recording.next()) {
+        progress(recording.progress());
+        if (const auto* image = std::get_if<ImageMessage>(&*message)) {
+            if (!first) first = image->t;
+            const double t = to_seconds(image->t - *first);
+            if (t > request.end_s) break;
+            if (t >= request.begin_s) images[image->t] = image->image;
+            if (images.size() > kMostUnpaired) images.erase(images.begin());
+        }
+        if (const auto* frame = std::get_if<FeatureFrame>(&*message)) pair_up(*frame);
+        if (!has_tracks)
+            for (const FeatureFrame& frame : front_end->add(*message)) pair_up(frame);
+    }
+    if (!has_tracks)
+        for (const FeatureFrame& frame : front_end->finish()) pair_up(frame);
+}
+
+void write_video(const TrackPictureRequest& request, const std::function<void(double)>& progress) {
+    // The rate of the images, from the first ones: they wait until it is known.
+    std::deque<std::pair<TimeNs, cv::Mat>> waiting;
+    std::unique_ptr<VideoFile> video;
+    const auto open = [&] {
+        if (waiting.empty())
+            throw InputError(request.rawlog + ": no image with features between --from and --to");
+        const double span = to_seconds(waiting.back().first - waiting.front().first);
+        const double rate = span > 0 ? static_cast<double>(waiting.size() - 1) / span : 1;
+        video =
+            std::make_unique<VideoFile>(request.output, waiting.front().second.cols,
+                                        waiting.front().second.rows, std::clamp(rate, 1., 120.));
+        for (const auto& [t, picture] : waiting) video->add(picture);
+        waiting.clear();
+    };
+    for_each_tracked_image(
+        request,
+        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames) {
+            cv::Mat picture =
+                draw_tracks(image, frames, {static_cast<int>(kTail), scale_of(image)});
+            picture = picture(cv::Rect(0, 0, picture.cols / 2 * 2, picture.rows / 2 * 2));
+            if (video) return video->add(picture);
+            waiting.emplace_back(frames.back().t, picture);
+            if (waiting.size() == 10) open();
+        },
+        progress);
+    if (!video) open();
+}
+
+// Images side by side in rows, as the figures of papers show them.
+cv::Mat strip(const std::vector<cv::Mat>& pictures) {
+    const int columns = std::min<int>(3, static_cast<int>(pictures.size()));
+    const int rows = (static_cast<int>(pictures.size()) + columns - 1) / columns;
+    constexpr int kGap = 6;
+    const int width = (kStripWidth - (columns - 1) * kGap) / columns;
+    const int height = width * pictures[0].rows / pictures[0].cols;
+    cv::Mat sheet(rows * height + (rows - 1) * kGap, columns * width + (columns - 1) * kGap,
+                  CV_8UC3, cv::Scalar::all(255));
+    for (int i = 0; i < static_cast<int>(pictures.size()); ++i) {
+        const cv::Rect place(i % columns * (width + kGap), i / columns * (height + kGap), width,
+                             height);
+        cv::resize(pictures[static_cast<size_t>(i)], sheet(place), place.size(), 0, 0,
+                   cv::INTER_AREA);
+    }
+    return sheet;
+}
+
+// Time of the last image that is asked for, from the first image on [s].
+double last_image(const TrackPictureRequest& request) {
+    Recording recording(request.rawlog, request.recording);
+    std::optional<TimeNs> first;
+    double last = 0;
+    while (const auto message = recording.next()) {
+        const auto* image = std::get_if<ImageMessage>(&*message);
+        if (!image) continue;
+        if (!first) first = image->t;
+        const double t = to_seconds(image->t - *first);
+        if (t > request.end_s) break;
+        last = t;
+    }
+    return last;
+}
+
+void write_strip(const TrackPictureRequest& request, const std::function<void(double)>& progress) {
+    const double span = last_image(request) - request.begin_s;
+    std::vector<cv::Mat> pictures;
+    std::optional<TimeNs> first;
+    for_each_tracked_image(
+        request,
+        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames) {
+            if (!first) first = frames.back().t;
+            const int k = static_cast<int>(pictures.size());
+            const double due = span * k / std::max(1, request.images - 1) - 1e-6;
+            if (k < request.images && to_seconds(frames.back().t - *first) >= due)
+                pictures.push_back(
+                    draw_tracks(image, frames, {static_cast<int>(kTail), scale_of(image)}));
+        },
+        progress);
+    if (pictures.empty())
+        throw InputError(request.rawlog + ": no image with features between --from and --to");
+    save_image(strip(pictures), request.output);
+}
+
+}  // namespace
+
+void write_track_pictures(const TrackPictureRequest& request,
+                          const std::function<void(double)>& progress) {
+    if (request.video)
+        write_video(request, progress);
+    else
+        write_strip(request, progress);
+}
+
+}  // namespace vio::app
