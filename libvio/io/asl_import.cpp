@@ -12,6 +12,7 @@
 #include "libvio/base/errors.h"
 #include "libvio/io/asl_calibration.h"
 #include "libvio/io/rawlog_writer.h"
+#include "libvio/io/sensor_text.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
 
@@ -56,11 +57,7 @@ class ImuSource final : public Source {
         return true;
     }
 
-    Message message() override {
-        return ImuReading{time(),
-                          {row_.number(1), row_.number(2), row_.number(3)},
-                          {row_.number(4), row_.number(5), row_.number(6)}};
-    }
+    Message message() override { return parse_imu_reading(row_); }
 
     double progress() const override { return row_.progress(); }
 

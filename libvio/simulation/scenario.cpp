@@ -1,8 +1,10 @@
 #include "libvio/simulation/scenario.h"
 
+#include <array>
 #include <cmath>
 #include <filesystem>
 
+#include "libvio/io/sensor_text.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/simulation/scenario_text.h"
 
@@ -11,19 +13,11 @@ namespace {
 
 constexpr TimeNs kTick = 100;  // resolution of rawlog stamps [ns]
 
-SplineTrajectory recorded_trajectory(const ScenarioOptions& options) {
-    const std::vector<TimedPose> recorded = read_trajectory(options.recorded_file);
+SplineTrajectory along(const std::vector<TimedPose>& recorded, double piece) {
     std::vector<Waypoint> points;
     for (const TimedPose& pose : recorded)
         points.push_back({to_seconds(pose.t - recorded.front().t), pose.T_W_B});
-    return SplineTrajectory::along(points, options.recorded_piece_s);
-}
-
-std::unique_ptr<const Trajectory> make_trajectory(const ScenarioOptions& options) {
-    return std::make_unique<SplineTrajectory>(
-        options.recorded_file.empty()
-            ? options.motion.make(static_cast<std::uint64_t>(options.seed))
-            : recorded_trajectory(options));
+    return SplineTrajectory::along(points, piece);
 }
 
 CameraPtr make_camera(const ScenarioOptions& options) {
@@ -47,10 +41,14 @@ void load(const std::string& ini_file, OptionSet& set, ScenarioOptions& options,
         throw InputError(ini_file + " [scenario] include: files include each other");
     const std::filesystem::path folder = std::filesystem::path(ini_file).parent_path();
     const auto load_this = [&] {
-        const std::string before = options.recorded_file;
+        const std::array files{&options.recorded_file, &options.recorded_imu_file,
+                               &options.times_file};
+        std::array<std::string, files.size()> before;
+        for (size_t i = 0; i < files.size(); ++i) before[i] = *files[i];
         set.load(ini_file);
-        if (!options.recorded_file.empty() && options.recorded_file != before)
-            options.recorded_file = (folder / options.recorded_file).string();
+        for (size_t i = 0; i < files.size(); ++i)
+            if (!files[i]->empty() && *files[i] != before[i])
+                *files[i] = (folder / *files[i]).string();
     };
     const ScenarioOptions fresh = options;
     load_this();
@@ -60,6 +58,15 @@ void load(const std::string& ini_file, OptionSet& set, ScenarioOptions& options,
     load(included, set, options, depth + 1);
     load_this();
     options.include.clear();
+}
+
+Scene make_scene(const ScenarioOptions& options) {
+    SceneLayout layout;
+    const auto origin = numbers_in(options.scene_origin, "[scene] origin", 3);
+    const auto size = numbers_in(options.room_size, "[scene] room_size", 3);
+    layout.origin = Eigen::Vector3d(origin.data());
+    layout.room_size = Eigen::Vector3d(size.data());
+    return Scene::make(options.scene, static_cast<std::uint64_t>(options.seed), layout);
 }
 
 TimeNs on_tick(double seconds) {
@@ -85,6 +92,11 @@ void ScenarioOptions::describe(OptionSet& set) {
         "pose; relative to this file's folder");
     set.add("recorded_piece", &recorded_piece_s, "s", {1e-3, 10},
             "length of the spline pieces fitted to recorded_file; longer is smoother");
+    set.add("recorded_rotation_error", &recorded_errors.rotation, "rad", {1e-6, 1},
+            "error of the poses in recorded_file, within which they give way to [imu] "
+            "recorded_file");
+    set.add("recorded_position_error", &recorded_errors.position, "m", {1e-6, 10},
+            "the same of the positions");
 
     set.section("camera");
     camera.describe(set);
@@ -99,6 +111,9 @@ void ScenarioOptions::describe(OptionSet& set) {
     set.add("rate", &image_rate, "Hz", {0.01, 1000}, "images per second");
     set.add("first_image", &first_image_s, "s", {-1e6, 1e6}, "trajectory time of the first image");
     set.add("count", &image_count, "-", {0, 1e6}, "number of images; 0: to the trajectory's end");
+    set.add("times_file", &times_file,
+            "instead of rate: stamps of the images [ns], one a line, on the clock of [trajectory] "
+            "recorded_file");
 
     set.section("images");
     set.add("render", &render, "draw images");
@@ -115,9 +130,14 @@ void ScenarioOptions::describe(OptionSet& set) {
 
     set.section("scene");
     set.add("kind", &scene, Scene::kinds(), "what there is to see");
+    set.add("origin", &scene_origin, "x y z [m] of the scene's origin in W");
+    set.add("room_size", &room_size, "length along x and y and height of kind = room [m]");
 
     set.section("imu");
     set.add("pose", &imu_pose, "x y z yaw pitch roll [m, deg] of the IMU in the body (T_B_I)");
+    set.add("recorded_file", &recorded_imu_file,
+            "instead of simulated readings: rows t[ns], gyro x y z [rad/s], accelerometer x y z "
+            "[m/s^2], as in EuRoC's imu0/data.csv, taken along [trajectory] recorded_file");
     set.add("rate", &imu_rate, "Hz", {1, 10000}, "readings per second");
     set.add("jitter", &imu_jitter_s, "s", {0, 1}, "irregularity of the stamps, 1 sigma");
     set.add("margin", &imu_margin_s, "s", {0, 100},
@@ -180,10 +200,7 @@ ScenarioOptions ScenarioOptions::from_file(const std::string& ini_file,
 }
 
 Simulation::Simulation(const ScenarioOptions& options)
-    : options_(options),
-      g_W_(0, 0, -options.gravity),
-      trajectory_(make_trajectory(options)),
-      scene_(Scene::make(options.scene, static_cast<std::uint64_t>(options.seed))) {
+    : options_(options), g_W_(0, 0, -options.gravity), scene_(make_scene(options)) {
     rig_.camera = make_camera(options);
     rig_.T_B_C = pose_option(options.camera_pose, "[camera] pose");
     rig_.T_B_I = pose_option(options.imu_pose, "[imu] pose");
@@ -192,17 +209,14 @@ Simulation::Simulation(const ScenarioOptions& options)
         std::hypot(options.gyro_scale_sigma, options.misalignment_sigma);
     rig_.time_offset = options.time_offset_s;
 
-    const double span = trajectory_->end() - options.first_image_s;
-    const int count = options.image_count > 0
-                          ? options.image_count
-                          : static_cast<int>(std::floor(span * options.image_rate + 1e-9)) + 1;
-    if (count < 1)
-        throw InputError("scenario [camera] first_image: after the trajectory's end (" +
-                         std::to_string(trajectory_->end()) + " s); no image is left");
-    for (int i = 0; i < count; ++i)
-        image_times_.push_back(stamp(options.first_image_s + i / options.image_rate));
-    make_imu();
-    make_truth();
+    make_trajectory();
+    make_image_times();
+    if (options.recorded_imu_file.empty()) {
+        make_imu();
+        make_truth();
+    } else {
+        make_recorded_imu();
+    }
     if (!options.tracks) return;
     std::vector<Pose> T_W_C;
     for (const StateEstimate& state : truth_) T_W_C.push_back(state.T_W_B * rig_.T_B_C);
@@ -214,11 +228,51 @@ Simulation::Simulation(const ScenarioOptions& options)
 Simulation::~Simulation() = default;
 
 TimeNs Simulation::stamp(double t) const {
-    return from_seconds(options_.start_time_s) + on_tick(t);
+    return start_ + on_tick(t);
 }
 
 double Simulation::seconds(TimeNs stamp) const {
-    return to_seconds(stamp - from_seconds(options_.start_time_s));
+    return to_seconds(stamp - start_);
+}
+
+void Simulation::make_trajectory() {
+    if (options_.recorded_file.empty()) {
+        start_ = from_seconds(options_.start_time_s);
+        trajectory_ = std::make_unique<SplineTrajectory>(
+            options_.motion.make(static_cast<std::uint64_t>(options_.seed)));
+        return;
+    }
+    const std::vector<TimedPose> recorded = read_trajectory(options_.recorded_file);
+    start_ = recorded.front().t / kTick * kTick;
+    trajectory_ = std::make_unique<SplineTrajectory>(along(recorded, options_.recorded_piece_s));
+}
+
+void Simulation::make_image_times() {
+    const double first = options_.first_image_s;
+    double last = trajectory_->end();
+    if (!options_.recorded_file.empty())  // nothing is known beyond its end
+        last -= options_.imu_margin_s + std::abs(options_.time_offset_s) + 2 / options_.imu_rate;
+    const auto full = [&] {
+        return options_.image_count > 0 &&
+               static_cast<int>(image_times_.size()) >= options_.image_count;
+    };
+    if (!options_.times_file.empty()) {
+        for (const TimeNs t : read_stamps(options_.times_file)) {
+            const double s = seconds(t / kTick * kTick);
+            if (s >= first && s <= last && !full()) image_times_.push_back(stamp(s));
+        }
+    } else {
+        const double end = options_.image_count > 0 ? 1e18 : last + 1e-9 / options_.image_rate;
+        for (int i = 0; first + i / options_.image_rate <= end && !full(); ++i)
+            image_times_.push_back(stamp(first + i / options_.image_rate));
+    }
+    if (image_times_.empty())
+        throw InputError("scenario [camera] first_image" +
+                         (options_.times_file.empty() ? "" : " and " + options_.times_file) +
+                         ": no image between " + std::to_string(first) +
+                         " s and the trajectory's "
+                         "end (" +
+                         std::to_string(last) + " s)");
 }
 
 void Simulation::make_imu() {
@@ -246,9 +300,38 @@ void Simulation::make_imu() {
     errors.accel_gain =
         random_gain(options_.accel_scale_sigma, options_.misalignment_sigma, calibration);
     imu_ = with_errors(ideal_imu_, errors, random);
-    const TimeNs shift = from_seconds(options_.start_time_s) + on_tick(options_.time_offset_s);
+    const TimeNs shift = start_ + on_tick(options_.time_offset_s);
     for (ImuReading& reading : ideal_imu_) reading.t += shift;
     for (ImuReading& reading : imu_.readings) reading.t += shift;
+}
+
+void Simulation::make_recorded_imu() {
+    if (options_.recorded_file.empty())
+        throw InputError(
+            "scenario [imu] recorded_file: without [trajectory] recorded_file, the "
+            "path along which " +
+            options_.recorded_imu_file + " was recorded");
+    const ImuSequence imu(read_imu(options_.recorded_imu_file));
+    Rig smoothing = rig_;
+    smoothing.imu_noise.gyro_sensitivity_error = 0;
+    smoothed_path_ = smooth_path(*trajectory_, seconds(image_times_.front()), image_times_, imu,
+                                 smoothing, options_.gravity, options_.recorded_errors);
+    rig_.imu_noise.gyro_sensitivity_error = ImuNoise{}.gyro_sensitivity_error;
+    truth_ = smoothed_path_->states;
+    std::vector<Waypoint> points;
+    for (const StateEstimate& state : truth_) points.push_back({seconds(state.t), state.T_W_B});
+    trajectory_ =
+        std::make_unique<SplineTrajectory>(SplineTrajectory::through(points, CurveEnds::kFree));
+
+    const TimeNs margin = from_seconds(options_.imu_margin_s + std::abs(options_.time_offset_s));
+    auto state = truth_.begin();
+    for (const ImuReading& reading : imu.readings()) {
+        if (reading.t < image_times_.front() - margin || reading.t > image_times_.back() + margin)
+            continue;
+        while (state + 1 != truth_.end() && (state + 1)->t <= reading.t) ++state;
+        imu_.readings.push_back({reading.t / kTick * kTick, reading.gyro, reading.accel});
+        imu_.biases.push_back({state->gyro_bias, state->accel_bias});
+    }
 }
 
 void Simulation::make_truth() {

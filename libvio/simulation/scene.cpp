@@ -123,14 +123,18 @@ void make_arm_cell(Builder& build) {
     build.boxes(40, 1.1, 0.05, 0.16, 0.04, 0.35);
 }
 
-void make_room(Builder& build) {
-    build.solid(upright(0, 0, 1.5, 0), {4, 3, 1.5}, Solid::Shape::kBox, true);
-    for (int i = 0; i < 14; ++i) {  // along the walls, so that the middle stays free
+void make_room(Builder& build, const Eigen::Vector3d& size) {
+    const Eigen::Vector3d half = size / 2;
+    build.solid(upright(0, 0, half.z(), 0), half, Solid::Shape::kBox, true);
+    const int pieces = static_cast<int>(std::lround(0.5 * (size.x() + size.y())));
+    const double x_wall = half.x() - 0.4, y_wall = half.y() - 0.4;
+    for (int i = 0; i < 2 * pieces; ++i) {  // along the walls, so that the middle stays free
         const double side = build.random().uniform(-1, 1);
         const bool along_x = build.random().uniform() < 0.5;
         const double sign = build.random().uniform() < 0.5 ? -1 : 1;
-        build.box_at(along_x ? 3.5 * side : sign * 3.6, along_x ? sign * 2.6 : 2.5 * side, 0.15,
-                     0.45, 0.4, 2.0);
+        build.box_at(along_x ? (half.x() - 0.5) * side : sign * x_wall,
+                     along_x ? sign * y_wall : (half.y() - 0.5) * side, 0.15, 0.45, 0.4,
+                     std::min(2.0, 0.8 * size.z()));
     }
 }
 
@@ -166,14 +170,14 @@ const std::vector<std::string>& Scene::kinds() {
     return all;
 }
 
-Scene Scene::make(const std::string& kind, std::uint64_t seed) {
+Scene Scene::make(const std::string& kind, std::uint64_t seed, const SceneLayout& layout) {
     const double texel = kind == "arm_cell" ? 0.0025 : kind == "room" ? 0.003 : 0.008;
     Scene scene;
     Builder build(scene.solids_, scene.textures_, seed, texel);
     if (kind == "arm_cell")
         make_arm_cell(build);
     else if (kind == "room")
-        make_room(build);
+        make_room(build, layout.room_size);
     else if (kind == "crane_hall")
         make_crane_hall(build);
     else if (kind == "outdoor")
@@ -181,6 +185,7 @@ Scene Scene::make(const std::string& kind, std::uint64_t seed) {
     else
         throw InputError("scenario [scene] kind: no scene '" + kind +
                          "'; use arm_cell, room, crane_hall or outdoor");
+    for (Solid& solid : scene.solids_) solid.T_W_S.p += layout.origin;
     return scene;
 }
 

@@ -35,13 +35,19 @@ struct SurfaceHit {
     double shade = 1;                               ///< of the light on this surface
 };
 
+/// Where a scene is and how large.
+struct SceneLayout {
+    Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< of the scene, in W [m]
+    Eigen::Vector3d room_size{8, 6, 3};                ///< along x, y and z [m]
+};
+
 class Scene {
  public:
     /// Kinds: "arm_cell" (table with boxes, 0.7 to 1.5 m below a camera that looks down), "room"
-    /// (8 x 6 x 3 m with furniture, origin at the middle of the floor), "crane_hall" (16 x 16 m
-    /// floor with objects, 8 m high), "outdoor" (plane with rocks). The ground or table is at z =
-    /// 0. Throws InputError for another kind.
-    static Scene make(const std::string& kind, std::uint64_t seed);
+    /// (of the layout's size, with furniture, origin at the middle of the floor), "crane_hall" (16
+    /// x 16 m floor with objects, 8 m high), "outdoor" (plane with rocks). The ground or table is
+    /// at z = 0. Throws InputError for another kind.
+    static Scene make(const std::string& kind, std::uint64_t seed, const SceneLayout& layout = {});
     static const std::vector<std::string>& kinds();
 
     const std::vector<Solid>& solids() const { return solids_; }

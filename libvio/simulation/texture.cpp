@@ -73,14 +73,23 @@ void lay_leaf(Torus& torus, Random& random) {
 
 }  // namespace
 
-Texture::Texture(std::uint64_t seed, double texel, int side) : texel_(texel) {
+Texture::Texture(std::uint64_t seed, double texel, int side)
+    : seed_(seed), texel_(texel), side_(side) {}
+
+const std::vector<Texture::Level>& Texture::levels() const {
+    std::call_once(made_, [this] { make(); });
+    return levels_;
+}
+
+void Texture::make() const {
+    const int side = side_;
     Torus torus(side);
-    Random random(seed, "texture");
-    add_gradient_noise(torus, mixed(seed), 8, 60);
+    Random random(seed_, "texture");
+    add_gradient_noise(torus, mixed(seed_), 8, 60);
     const int leaves = side * side / 300;
     for (int i = 0; i < leaves; ++i) lay_leaf(torus, random);
     for (int octave = 0; octave < 3; ++octave)
-        add_gradient_noise(torus, mixed(seed + 1 + octave), side / 128 << octave,
+        add_gradient_noise(torus, mixed(seed_ + 1 + octave), side / 128 << octave,
                            40.0 / (1 << octave));
     levels_.push_back({side, torus.take()});
     for (float& t : levels_[0].texels) t = std::clamp(t, 0.0F, 255.0F);
@@ -114,15 +123,16 @@ double Texture::Level::bilinear(double x, double y) const {
 double Texture::sample(double u, double v, double footprint) const {
     const double x = u / texel_, y = v / texel_;
     const double texels = footprint / texel_;
-    if (texels <= 1) return levels_[0].bilinear(x, y);
-    const double level = std::min(std::log2(texels), static_cast<double>(levels_.size() - 1));
+    const std::vector<Level>& pyramid = levels();
+    if (texels <= 1) return pyramid[0].bilinear(x, y);
+    const double level = std::min(std::log2(texels), static_cast<double>(pyramid.size() - 1));
     const auto at_level = [&](size_t k) {
         const double scale = std::ldexp(1.0, -static_cast<int>(k));
-        return levels_[k].bilinear((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5);
+        return pyramid[k].bilinear((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5);
     };
     const size_t fine = static_cast<size_t>(level);
     const double share = level - static_cast<double>(fine);
-    if (share < 1e-3 || fine + 1 >= levels_.size()) return at_level(fine);
+    if (share < 1e-3 || fine + 1 >= pyramid.size()) return at_level(fine);
     return (1 - share) * at_level(fine) + share * at_level(fine + 1);
 }
 

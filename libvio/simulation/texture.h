@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <mutex>
 #include <vector>
 
 namespace vio {
@@ -9,7 +10,8 @@ namespace vio {
 /// Grey, periodic texture: opaque leaves (rotated rectangles and discs of all sizes, the newest on
 /// top; the "dead leaves" model, whose statistics are those of natural images) over and under
 /// several octaves of gradient noise. It has corners at every scale. Sampled bilinearly from a
-/// pyramid, so that distant surfaces do not alias.
+/// pyramid, so that distant surfaces do not alias. It is made when it is first sampled, which may
+/// be from several threads.
 class Texture {
  public:
     /// texel: size of the finest texel on the surface [m]. side: texels per period, a power of two.
@@ -25,8 +27,14 @@ class Texture {
         double bilinear(double x, double y) const;  // in texels; texel (0, 0) has its centre there
     };
 
+    const std::vector<Level>& levels() const;
+    void make() const;
+
+    std::uint64_t seed_;
     double texel_;
-    std::vector<Level> levels_;
+    int side_;
+    mutable std::once_flag made_;
+    mutable std::vector<Level> levels_;
 };
 
 }  // namespace vio
