@@ -5,7 +5,8 @@
 #include "app/commands.h"
 #include "app/progress.h"
 #include "libvio/base/errors.h"
-#include "libvio/camera/perspective.h"
+#include "libvio/camera/mirror.h"
+#include "libvio/io/calibration_file.h"
 #include "libvio/io/rawlog_info.h"
 #include "libvio/io/recording.h"
 
@@ -43,17 +44,13 @@ void print_camera(const Rig& rig) {
         std::printf("camera   none, or not calibrated\n");
         return;
     }
-    std::printf("camera   %s, %d x %d px", rig.camera->model_name().c_str(), rig.camera->width(),
-                rig.camera->height());
-    if (const auto* perspective = dynamic_cast<const PerspectiveCamera*>(rig.camera.get())) {
-        const PerspectiveParameters& p = perspective->parameters();
-        std::printf(", fx %.4f fy %.4f cx %.4f cy %.4f px, distortion k1 k2 p1 p2 k3 k4 k5 k6",
-                    p.fx, p.fy, p.cx, p.cy);
-        for (const double k : p.distortion) std::printf(" %g", k);
-    }
-    std::printf("\n");
+    std::printf("camera   %s\n", camera_summary(*rig.camera).c_str());
     print("T_B_C", rig.T_B_C);
     print("T_C_B", rig.T_B_C.inverse());
+    if (const auto* mirror = dynamic_cast<const MirrorCamera*>(rig.camera.get())) {
+        print("T_C_M", mirror->parameters().T_C_M);
+        print("T_M_C", mirror->parameters().T_C_M.inverse());
+    }
 }
 
 void print_imu(const Rig& rig) {
@@ -80,7 +77,8 @@ void run(const Arguments& arguments) {
     std::printf("%s\n\nstreams (label, class, count, rate, duration)\n", arguments.rawlog.c_str());
     for (const StreamInfo& stream : info.streams) print(stream);
 
-    std::printf("\ncalibration (B vehicle, C camera, I IMU; T_B_C maps C's coordinates to B)\n");
+    std::printf(
+        "\ncalibration (B vehicle, C camera, I IMU, M mirror; T_B_C maps C's coordinates to B)\n");
     const Recording recording(arguments.rawlog, arguments.recording);
     print_camera(recording.rig());
     if (recording.has_imu()) print_imu(recording.rig());

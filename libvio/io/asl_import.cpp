@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
-#include "libvio/io/asl_calibration.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/sensor_text.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
+#include "libvio/io/yaml_calibration.h"
 
 namespace vio {
 namespace {
@@ -212,6 +212,7 @@ AslImportReport import_asl(const std::string& dir, const std::string& out_rawlog
     auto sources = open_sources(root, options);
     const AslCamera camera = read_asl_camera((root / options.camera / "sensor.yaml").string());
     Rig rig;
+    rig.camera = camera.camera;
     rig.T_B_C = camera.T_B_C;
     if (fs::is_directory(root / options.imu)) {
         const AslImu imu = read_asl_imu((root / options.imu / "sensor.yaml").string());
@@ -222,7 +223,6 @@ AslImportReport import_asl(const std::string& dir, const std::string& out_rawlog
     writer_options.camera_label = options.camera;
     writer_options.imu_label = options.imu;
     writer_options.external_images = options.external_images;
-    writer_options.camera_params = camera.params;
 
     AslImportReport report;
     RawlogWriter writer(out_rawlog, rig, writer_options);

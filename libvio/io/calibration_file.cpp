@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <sstream>
 #include <vector>
 
 #include "libvio/base/errors.h"
-#include "libvio/camera/perspective.h"
+#include "libvio/camera/description.h"
 #include "libvio/io/text.h"
+#include "libvio/io/yaml_calibration.h"
 
 namespace vio {
 namespace {
@@ -73,8 +75,21 @@ struct Entry {
         return {q.normalized().toRotationMatrix(), {v[0], v[1], v[2]}};
     }
 
-    std::array<double, 8> distortion() const {
+    double not_negative() const {
+        const double value_given = number();
+        if (!(value_given >= 0)) throw error("must not be negative");
+        return value_given;
+    }
+
+    bool truth() const {
+        if (value == "true" || value == "1") return true;
+        if (value == "false" || value == "0") return false;
+        throw error("expected true or false");
+    }
+
+    std::array<double, 8> distortion(bool fisheye) const {
         const auto v = numbers();
+        if (fisheye && v.size() != 4) throw error("expected 4 numbers: k1 k2 k3 k4");
         if (v.size() != 4 && v.size() != 5 && v.size() != 8)
             throw error("expected 4, 5 or 8 numbers: k1 k2 p1 p2 [k3 [k4 k5 k6]]");
         std::array<double, 8> all{};
@@ -83,38 +98,99 @@ struct Entry {
     }
 };
 
-// Intrinsics as far as they are known.
-struct PartialCamera {
-    PerspectiveParameters parameters;
-    bool changed = false;
+// One key of [camera]: models that have it, and whether a whole camera needs it.
+struct CameraKey {
+    const char* name;
+    bool (*belongs)(const std::string& model);
+    bool needed;
+    void (*set)(const Entry&, CameraDescription&);
 };
 
-void apply_camera(const Entry& e, PartialCamera& camera, Rig& rig) {
-    PerspectiveParameters& p = camera.parameters;
-    if (e.key == "T_B_C") {
-        rig.T_B_C = e.pose();
-        return;
+bool any_model(const std::string&) {
+    return true;
+}
+bool fisheye_or_unified(const std::string& model) {
+    return model == "fisheye" || model == "unified";
+}
+template <const char* kModel>
+bool only(const std::string& model) {
+    return model == kModel;
+}
+constexpr char kUnified[] = "unified", kEquiangular[] = "equiangular_mirror",
+               kHyperbolic[] = "hyperbolic_mirror", kParabolic[] = "parabolic_mirror";
+
+using D = CameraDescription;
+const CameraKey kCameraKeys[] = {
+    {"model", any_model, false, [](const Entry&, D&) {}},  // comes first of all
+    {"width", any_model, true, [](const Entry& e, D& d) { d.lens.width = e.size_px(); }},
+    {"height", any_model, true, [](const Entry& e, D& d) { d.lens.height = e.size_px(); }},
+    {"fx", any_model, true, [](const Entry& e, D& d) { d.lens.fx = e.positive(); }},
+    {"fy", any_model, true, [](const Entry& e, D& d) { d.lens.fy = e.positive(); }},
+    {"cx", any_model, true, [](const Entry& e, D& d) { d.lens.cx = e.number(); }},
+    {"cy", any_model, true, [](const Entry& e, D& d) { d.lens.cy = e.number(); }},
+    {"distortion", any_model, false,
+     [](const Entry& e, D& d) { d.lens.distortion = e.distortion(d.model == "fisheye"); }},
+    {"max_angle", fisheye_or_unified, false,
+     [](const Entry& e, D& d) { d.max_angle = e.positive(); }},
+    {"min_angle", only<kUnified>, false,
+     [](const Entry& e, D& d) { d.min_angle = e.not_negative(); }},
+    {"xi", only<kUnified>, true, [](const Entry& e, D& d) { d.xi = e.not_negative(); }},
+    {"mirror", only<kUnified>, false, [](const Entry& e, D& d) { d.mirror = e.truth(); }},
+    {"apex_distance", is_mirror_model, true,
+     [](const Entry& e, D& d) { d.shape.apex_distance = e.positive(); }},
+    {"gain", only<kEquiangular>, true, [](const Entry& e, D& d) { d.shape.gain = e.positive(); }},
+    {"eccentricity", only<kHyperbolic>, true,
+     [](const Entry& e, D& d) { d.shape.eccentricity = e.positive(); }},
+    {"semi_latus_rectum", only<kParabolic>, true,
+     [](const Entry& e, D& d) { d.shape.semi_latus_rectum = e.positive(); }},
+    {"rim_radius", is_mirror_model, true,
+     [](const Entry& e, D& d) { d.shape.rim_radius = e.positive(); }},
+    {"blind_radius", is_mirror_model, false,
+     [](const Entry& e, D& d) { d.shape.blind_radius = e.not_negative(); }},
+    {"T_C_M", is_mirror_model, false, [](const Entry& e, D& d) { d.T_C_M = e.pose(); }},
+};
+
+// Overrides the camera with the entries of [camera]; a camera of another model is made anew.
+void apply_camera(const std::vector<Entry>& entries, const std::string& file, Rig& rig) {
+    CameraDescription d;
+    if (rig.camera) d = describe(*rig.camera);
+    bool whole = !rig.camera, changed = false;
+    for (const Entry& e : entries)
+        if (e.key == "model" && e.value != d.model) {
+            const auto& models = camera_models();
+            if (std::find(models.begin(), models.end(), e.value) == models.end())
+                throw e.error("'" + e.value + "' is no camera model; share/formats.md lists them");
+            d = {};
+            d.model = e.value;
+            whole = true;
+        }
+    for (const Entry& e : entries) {
+        if (e.key == "T_B_C") {
+            rig.T_B_C = e.pose();
+            continue;
+        }
+        const auto key = std::find_if(std::begin(kCameraKeys), std::end(kCameraKeys),
+                                      [&](const CameraKey& k) { return e.key == k.name; });
+        if (key == std::end(kCameraKeys)) throw e.error("no such key; share/formats.md lists them");
+        if (!key->belongs(d.model))
+            throw e.error("a camera of model " + d.model + " has no such key");
+        key->set(e, d);
+        changed = true;
     }
-    camera.changed = true;
-    if (e.key == "model") {
-        if (e.value != "perspective")
-            throw e.error("'" + e.value + "' is not a supported model; perspective is");
-    } else if (e.key == "width")
-        p.width = e.size_px();
-    else if (e.key == "height")
-        p.height = e.size_px();
-    else if (e.key == "fx")
-        p.fx = e.positive();
-    else if (e.key == "fy")
-        p.fy = e.positive();
-    else if (e.key == "cx")
-        p.cx = e.number();
-    else if (e.key == "cy")
-        p.cy = e.number();
-    else if (e.key == "distortion")
-        p.distortion = e.distortion();
-    else
-        throw e.error("no such key; share/formats.md lists them");
+    if (!changed) return;
+    if (whole)
+        for (const CameraKey& key : kCameraKeys)
+            if (key.needed && key.belongs(d.model) &&
+                std::none_of(entries.begin(), entries.end(),
+                             [&](const Entry& e) { return e.key == key.name; }))
+                throw InputError(file + " [camera]: " + key.name +
+                                 " is missing; the recording has " + "no calibration of a " +
+                                 d.model + " camera to complete");
+    try {
+        rig.camera = make_camera(d);
+    } catch (const InputError& reason) {
+        throw InputError(file + " [camera]: " + reason.what());
+    }
 }
 
 void apply_imu(const Entry& e, Rig& rig) {
@@ -137,86 +213,11 @@ void apply_imu(const Entry& e, Rig& rig) {
         throw e.error("no such key; share/formats.md lists them");
 }
 
-// Makes the camera of the parameters given and those of the camera before.
-void set_camera(const std::string& file, const mrpt::config::CConfigFile& ini,
-                const PartialCamera& camera, Rig& rig) {
-    if (!rig.camera)
-        for (const char* key : {"width", "height", "fx", "fy", "cx", "cy"})
-            if (!ini.keyExists("camera", key))
-                throw InputError(file + " [camera]: " + key +
-                                 " is missing; the recording has no calibration, so give width, "
-                                 "height, fx, fy, cx and cy");
-    try {
-        rig.camera = std::make_shared<PerspectiveCamera>(camera.parameters);
-    } catch (const InputError& reason) {
-        throw InputError(file + " [camera]: " + reason.what());
-    }
-}
-
-std::string pose_text(const Pose& T) {
-    Eigen::Quaterniond q(T.R);
-    if (q.w() < 0) q.coeffs() *= -1;
-    std::string text;
-    for (int i = 0; i < 3; ++i) text += format(T.p(i)) + " ";
-    for (int i = 0; i < 4; ++i) text += format(q.coeffs()(i)) + (i < 3 ? " " : "");
-    return text;
-}
-
-// "key = value" lines, each below a comment with meaning and unit.
-void put(std::string& text, const char* comment, const char* key, const std::string& value) {
-    if (*comment) text.append("# ").append(comment).append("\n");
-    text.append(key).append(" = ").append(value).append("\n");
-}
-
-std::string imu_section(const Rig& rig, bool with_pose) {
-    const ImuNoise& n = rig.imu_noise;
-    std::string text = "[imu]\n";
-    put(text, "white noise [rad/s/sqrt(Hz)]", "gyro_noise_density", format(n.gyro_noise_density));
-    put(text, "white noise [m/s^2/sqrt(Hz)]", "accel_noise_density", format(n.accel_noise_density));
-    put(text, "random walk of the bias [rad/s^2/sqrt(Hz)]", "gyro_bias_random_walk",
-        format(n.gyro_bias_random_walk));
-    put(text, "random walk of the bias [m/s^3/sqrt(Hz)]", "accel_bias_random_walk",
-        format(n.accel_bias_random_walk));
-    put(text, "gyro errors that follow the motion (scale, alignment), share of the rate [-]",
-        "gyro_sensitivity_error", format(n.gyro_sensitivity_error));
-    put(text, "t_imu = t_cam + time_offset [s]", "time_offset_s", format(rig.time_offset));
-    if (with_pose)
-        put(text, "IMU in the vehicle frame: x y z [m] qx qy qz qw", "T_B_I", pose_text(rig.T_B_I));
-    return text;
-}
-
-std::string camera_section(const Rig& rig) {
-    std::string text = "[camera]\n";
-    if (const auto* camera = dynamic_cast<const PerspectiveCamera*>(rig.camera.get())) {
-        const PerspectiveParameters& p = camera->parameters();
-        std::string distortion;
-        for (const double k : p.distortion)
-            distortion.append(distortion.empty() ? "" : " ").append(format(k));
-        put(text, "", "model", "perspective");
-        put(text, "image size [px]", "width", std::to_string(p.width));
-        put(text, "", "height", std::to_string(p.height));
-        put(text, "focal lengths [px]", "fx", format(p.fx));
-        put(text, "", "fy", format(p.fy));
-        put(text, "image centre [px]", "cx", format(p.cx));
-        put(text, "", "cy", format(p.cy));
-        put(text, "k1 k2 p1 p2 k3 k4 k5 k6", "distortion", distortion);
-    }
-    put(text, "camera in the vehicle frame: x y z [m] qx qy qz qw", "T_B_C", pose_text(rig.T_B_C));
-    return text;
-}
-
-}  // namespace
-
-void load_calibration(const std::string& file, Rig& rig) {
-    if (!std::filesystem::is_regular_file(file))
-        throw InputError(file + ": no such file; name an existing calibration file");
-    const mrpt::config::CConfigFile ini(file);
-    PartialCamera camera;
-    if (const auto* known = dynamic_cast<const PerspectiveCamera*>(rig.camera.get()))
-        camera.parameters = known->parameters();
-
+// The format of this project.
+void load_own(const std::string& file, const mrpt::config::CConfigFile& ini, Rig& rig) {
     std::vector<std::string> sections, keys;
     ini.getAllSections(sections);
+    std::vector<Entry> camera;
     for (const std::string& section : sections) {
         ini.getAllKeys(section, keys);
         if (section.empty() && keys.empty()) continue;
@@ -225,20 +226,73 @@ void load_calibration(const std::string& file, Rig& rig) {
         for (const std::string& key : keys) {
             const Entry entry{file, section, key,
                               without_comment(ini.read_string(section, key, ""))};
-            section == "camera" ? apply_camera(entry, camera, rig) : apply_imu(entry, rig);
+            if (section == "camera")
+                camera.push_back(entry);
+            else
+                apply_imu(entry, rig);
         }
     }
-    if (camera.changed) set_camera(file, ini, camera, rig);
+    if (!camera.empty()) apply_camera(camera, file, rig);
 }
 
-std::string imu_calibration_text(const Rig& rig) {
-    return "# Calibration that a rawlog has no field for; read together with the rawlog.\n" +
-           imu_section(rig, false);
+// Section of a camera as MRPT's TCamera::saveToConfigFile writes it, if there is one. MRPT's own
+// reader loses k3 and k4 of a fisheye.
+std::optional<std::string> mrpt_section(const mrpt::config::CConfigFile& ini) {
+    std::vector<std::string> sections;
+    ini.getAllSections(sections);
+    for (const std::string& section : sections)
+        if (ini.keyExists(section, "resolution") && ini.keyExists(section, "fx")) return section;
+    return std::nullopt;
 }
 
-std::string calibration_text(const Rig& rig) {
-    return "# Calibration of camera and IMU\n" + camera_section(rig) + "\n" +
-           imu_section(rig, true);
+void load_mrpt(const std::string& file, const mrpt::config::CConfigFile& ini,
+               const std::string& section, Rig& rig) {
+    const auto entry = [&](const char* key) {
+        std::string value = without_comment(ini.read_string(section, key, ""));
+        std::replace_if(
+            value.begin(), value.end(), [](char c) { return c == '[' || c == ']' || c == ','; },
+            ' ');
+        const Entry e{file, section, key, value};
+        if (!ini.keyExists(section, key)) throw e.error("is missing");
+        return e;
+    };
+    CameraDescription d;
+    const auto size = entry("resolution").numbers();
+    if (size.size() != 2) throw entry("resolution").error("expected width and height");
+    d.lens.width = static_cast<int>(size[0]);
+    d.lens.height = static_cast<int>(size[1]);
+    d.lens.fx = entry("fx").positive();
+    d.lens.fy = entry("fy").positive();
+    d.lens.cx = entry("cx").number();
+    d.lens.cy = entry("cy").number();
+    // Older files have plumb_bob's coefficients and no model.
+    std::string model = ini.keyExists(section, "dist") ? "plumb_bob" : "none";
+    if (ini.keyExists(section, "distortion_model"))
+        model = std::string(trimmed(entry("distortion_model").value));
+    if (model == "kannala_brandt")
+        d.model = "fisheye";
+    else if (model != "plumb_bob" && model != "none")
+        throw entry("distortion_model").error("'" + model + "' is not known");
+    if (model != "none") d.lens.distortion = entry("dist").distortion(d.model == "fisheye");
+    try {
+        rig.camera = make_camera(d);
+    } catch (const InputError& reason) {
+        throw InputError(file + " [" + section + "]: " + reason.what());
+    }
+}
+
+}  // namespace
+
+void load_calibration(const std::string& file, Rig& rig) {
+    if (!std::filesystem::is_regular_file(file))
+        throw InputError(file + ": no such file; name an existing calibration file");
+    const std::string extension = std::filesystem::path(file).extension().string();
+    if (extension == ".yaml" || extension == ".yml") return load_yaml_calibration(file, rig);
+    const mrpt::config::CConfigFile ini(file);
+    if (const auto section = mrpt_section(ini))
+        load_mrpt(file, ini, *section, rig);
+    else
+        load_own(file, ini, rig);
 }
 
 }  // namespace vio

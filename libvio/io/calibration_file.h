@@ -7,21 +7,24 @@
 
 namespace vio {
 
-/// Overrides the rig with the keys that the file gives (all optional; units in share/formats.md):
-///   [camera] model = perspective, width, height, fx, fy, cx, cy, distortion = k1 k2 p1 p2 [k3
-///            [k4 k5 k6]], T_B_C = x y z qx qy qz qw
-///   [imu]    gyro_noise_density, accel_noise_density, gyro_bias_random_walk,
-///            accel_bias_random_walk, gyro_sensitivity_error, T_B_I = x y z qx qy qz qw,
-///            time_offset_s
-/// Where the rig has no camera, the six intrinsics must be given together. Throws InputError (file,
-/// section, key) for a missing file, an unknown section or key, or a value that does not parse.
+/// Overrides the rig with what the file gives. Throws InputError (file, section, key) for a missing
+/// file, an unknown section or key, or a value that does not parse. Kinds of file, by content:
+/// - this project's INI (keys and units: share/formats.md): any key may be left out that the rig's
+///   camera, of the same model, has already;
+/// - MRPT's INI, a section as TCamera::saveToConfigFile writes it: intrinsics alone;
+/// - sensor.yaml of an ASL data set, of a camera or an IMU: intrinsics or noise, and T_BS;
+/// - Kalibr's camchain (cam0; T_cam_imu is taken with the rig's T_B_I, timeshift_cam_imu) and
+///   imu.yaml (noise).
 void load_calibration(const std::string& file, Rig& rig);
 
-/// Text of a calibration file with the whole rig (perspective camera or none).
+/// Text of a calibration file with the whole rig, T_B_C and T_B_I with their inverses as comments.
 std::string calibration_text(const Rig& rig);
 
-/// Text of a calibration file with only what a rawlog has no field for: noise densities and time
-/// offset.
-std::string imu_calibration_text(const Rig& rig);
+/// The intrinsics alone, as "key = value" in one line.
+std::string camera_summary(const Camera& camera);
+
+/// Text of the file beside a rawlog, with only what the rawlog has no field for: noise densities,
+/// time offset and, if asked for, the camera.
+std::string sidecar_text(const Rig& rig, bool with_camera);
 
 }  // namespace vio

@@ -6,10 +6,14 @@
 #include <cmath>
 
 #include "libvio/base/errors.h"
+#include "libvio/camera/fisheye.h"
 #include "libvio/camera/perspective.h"
 
 namespace vio {
 namespace {
+
+// Before the model's name, in place of a name of the camera.
+constexpr char kModelElsewhere[] = "see calibration file: ";
 
 using mrpt::img::DistortionModel;
 
@@ -103,35 +107,53 @@ PoseWithCovariance from_mrpt(const mrpt::poses::CPose3DPDFGaussian& pdf) {
     return {from_mrpt(pdf.mean), 0.5 * (mapped + mapped.transpose())};
 }
 
+bool fits_mrpt(const Camera& camera) {
+    const auto* fisheye = dynamic_cast<const FisheyeCamera*>(&camera);
+    return dynamic_cast<const PerspectiveCamera*>(&camera) ||
+           (fisheye && fisheye->parameters().max_angle == FisheyeParameters{}.max_angle);
+}
+
 mrpt::img::TCamera to_mrpt(const CameraPtr& camera) {
     mrpt::img::TCamera params;
     if (!camera) return params;
-    const auto* perspective = dynamic_cast<const PerspectiveCamera*>(camera.get());
-    if (!perspective)
-        throw InputError("a rawlog cannot carry a camera of model " + camera->model_name());
-    const PerspectiveParameters& p = perspective->parameters();
-    params.ncols = static_cast<std::uint32_t>(p.width);
-    params.nrows = static_cast<std::uint32_t>(p.height);
-    params.setIntrinsicParamsFromValues(p.fx, p.fy, p.cx, p.cy);
-    params.distortion = DistortionModel::plumb_bob;
-    params.dist = p.distortion;
+    params.ncols = static_cast<std::uint32_t>(camera->width());
+    params.nrows = static_cast<std::uint32_t>(camera->height());
+    if (const auto* perspective = dynamic_cast<const PerspectiveCamera*>(camera.get())) {
+        const PerspectiveParameters& p = perspective->parameters();
+        params.setIntrinsicParamsFromValues(p.fx, p.fy, p.cx, p.cy);
+        params.distortion = DistortionModel::plumb_bob;
+        params.dist = p.distortion;
+    } else if (const auto* fisheye = dynamic_cast<const FisheyeCamera*>(camera.get())) {
+        const FisheyeParameters& p = fisheye->parameters();
+        params.setIntrinsicParamsFromValues(p.fx, p.fy, p.cx, p.cy);
+        params.setDistortionKannalaBrandt(p.k[0], p.k[1], p.k[2], p.k[3]);
+    } else {
+        params.cameraName = kModelElsewhere + camera->model_name();
+    }
     return params;
 }
 
 CameraPtr from_mrpt(const mrpt::img::TCamera& camera) {
     if (camera.ncols == 0 || camera.nrows == 0 || !(camera.fx() > 0) || !(camera.fy() > 0))
         return nullptr;
+    const int width = static_cast<int>(camera.ncols), height = static_cast<int>(camera.nrows);
     if (camera.distortion == DistortionModel::kannala_brandt)
-        throw InputError("cameras of the model Kannala-Brandt (fisheye) are not supported yet");
-    PerspectiveParameters p;
-    p.width = static_cast<int>(camera.ncols);
-    p.height = static_cast<int>(camera.nrows);
-    p.fx = camera.fx();
-    p.fy = camera.fy();
-    p.cx = camera.cx();
-    p.cy = camera.cy();
+        return std::make_shared<FisheyeCamera>(
+            FisheyeParameters{width,
+                              height,
+                              camera.fx(),
+                              camera.fy(),
+                              camera.cx(),
+                              camera.cy(),
+                              {camera.k1(), camera.k2(), camera.k3(), camera.k4()}});
+    PerspectiveParameters p{width, height, camera.fx(), camera.fy(), camera.cx(), camera.cy(), {}};
     if (camera.distortion == DistortionModel::plumb_bob) p.distortion = camera.dist;
     return std::make_shared<PerspectiveCamera>(p);
+}
+
+std::string model_elsewhere(const mrpt::img::TCamera& camera) {
+    if (!camera.cameraName.starts_with(kModelElsewhere)) return {};
+    return camera.cameraName.substr(std::string(kModelElsewhere).size());
 }
 
 mrpt::obs::CObservationIMU to_mrpt(const ImuReading& reading) {

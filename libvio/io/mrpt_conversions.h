@@ -40,11 +40,16 @@ struct PoseWithCovariance {
 };
 PoseWithCovariance from_mrpt(const mrpt::poses::CPose3DPDFGaussian& pdf);
 
-/// Intrinsics. To: throws InputError for a model that a rawlog cannot carry; no camera gives zero
-/// intrinsics. From: null if not calibrated (zero focal length or size); throws InputError for a
-/// model that the library does not compute with.
+/// Intrinsics. To: all of a camera that fits_mrpt(); of others the image size and the model's name,
+/// for model_elsewhere(). No camera gives zero intrinsics. From: null if not calibrated (zero focal
+/// length or size).
 mrpt::img::TCamera to_mrpt(const CameraPtr& camera);
 CameraPtr from_mrpt(const mrpt::img::TCamera& camera);
+/// True if MRPT's camera holds all of this one: perspective, or fisheye without a limit of its
+/// field.
+bool fits_mrpt(const Camera& camera);
+/// Model of a camera that did not fit: its calibration is in a file. Empty otherwise.
+std::string model_elsewhere(const mrpt::img::TCamera& camera);
 
 /// Reading of gyro and accelerometer. MRPT indexes angular rates z, y, x and accelerations x, y, z.
 /// From: nothing if the observation lacks one of the six.

@@ -26,16 +26,6 @@ std::string without_extension(const std::string& file) {
     return fs::path(file).replace_extension().string();
 }
 
-mrpt::img::TCamera camera_params(const std::string& file, const Rig& rig,
-                                 const RawlogWriterOptions& options) {
-    if (options.camera_params) return *options.camera_params;
-    try {
-        return to_mrpt(rig.camera);
-    } catch (const InputError& reason) {
-        throw InputError(file + ": " + reason.what());
-    }
-}
-
 }  // namespace
 
 std::string calibration_sidecar(const std::string& rawlog_file) {
@@ -47,7 +37,7 @@ struct RawlogWriter::Impl {
         : file(file_name),
           rig(rig_given),
           options(opts),
-          params(camera_params(file_name, rig_given, opts)),
+          params(to_mrpt(rig_given.camera)),
           T_B_C(to_mrpt(rig_given.T_B_C)),
           T_B_I(to_mrpt(rig_given.T_B_I)),
           out(file_name + ".partial") {
@@ -161,7 +151,9 @@ void RawlogWriter::finish() {
     fs::rename(impl_->file + ".partial", impl_->file, error);
     if (error) throw InputError(impl_->file + ": cannot be written (" + error.message() + ")");
     impl_->finished = true;
-    write_text(calibration_sidecar(impl_->file), imu_calibration_text(impl_->rig));
+    const CameraPtr& camera = impl_->rig.camera;
+    write_text(calibration_sidecar(impl_->file),
+               sidecar_text(impl_->rig, camera && !fits_mrpt(*camera)));
 }
 
 }  // namespace vio

@@ -1,10 +1,7 @@
 // Writing the library's own measurements as an MRPT rawlog.
 #pragma once
 
-#include <mrpt/img/TCamera.h>
-
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "libvio/io/recording.h"
@@ -15,19 +12,17 @@ struct RawlogWriterOptions {
     std::string camera_label = "cam0";  ///< of images and features
     std::string imu_label = "imu0";
     bool external_images = false;  ///< PNG files in NAME_Images beside NAME.rawlog, else embedded
-    /// Stored in place of rig.camera's intrinsics, for models that a rawlog can carry and the
-    /// library does not compute with.
-    std::optional<mrpt::img::TCamera> camera_params;
 };
 
 /// Writes a rawlog that Recording reads back bit by bit (stamps to MRPT's tick of 100 ns, rounded
-/// down), and the sidecar NAME.calibration.ini with what a rawlog has no field for: noise densities
-/// and time offset. The same input gives the same bytes. The rawlog appears under its name in
-/// finish(); before, it grows as NAME.rawlog.partial, which the destructor removes.
+/// down), and the sidecar NAME.calibration.ini with what a rawlog has no field for: noise
+/// densities, time offset, and a camera that is neither perspective nor a plain fisheye. The same
+/// input gives the same bytes. The rawlog appears under its name in finish(); before, it grows as
+/// NAME.rawlog.partial, which the destructor removes.
 class RawlogWriter {
  public:
     /// rig.camera may be null: images then carry no calibration. Throws InputError if the file
-    /// cannot be written or the camera is of a model that a rawlog cannot carry.
+    /// cannot be written.
     RawlogWriter(const std::string& file, const Rig& rig, const RawlogWriterOptions& options = {});
     ~RawlogWriter();
 

@@ -63,6 +63,7 @@ struct Sensors {
     std::string camera_label, imu_label;
     bool camera = false, imu = false, images = false, features = false;
     Rig rig;
+    std::string camera_elsewhere;           ///< model of a camera that is described in a file
     std::string other_cameras, other_imus;  ///< labels seen, for an error message
     TimeNs first_camera = 0, last_camera = 0;
 
@@ -99,9 +100,9 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
         return;
     }
     last_camera = from_mrpt(observation.timestamp);
-    if (rig.camera) return;
+    if (rig.camera || !camera_elsewhere.empty()) return;
     rig.camera = from_mrpt(params);
-    if (!rig.camera) return;
+    camera_elsewhere = model_elsewhere(params);
     mrpt::poses::CPose3D T_B_C;  // not by TPose3D, which rounds through yaw, pitch and roll
     observation.getSensorPose(T_B_C);
     rig.T_B_C = from_mrpt(T_B_C);
@@ -172,6 +173,11 @@ struct Recording::Impl {
         if (fs::exists(sidecar)) load_calibration(sidecar, sensors.rig);
         if (!options.calibration_file.empty())
             load_calibration(options.calibration_file, sensors.rig);
+        if (!sensors.rig.camera && !sensors.camera_elsewhere.empty())
+            throw InputError(file + ": its camera is of the model " + sensors.camera_elsewhere +
+                             ", which a rawlog cannot hold, and " + sidecar +
+                             " is missing or has no section [camera]; put it beside the rawlog or "
+                             "name another with --calibration");
     }
 
     std::optional<Message> next();

@@ -5,24 +5,12 @@
 #include <numbers>
 #include <sstream>
 
-#include "libvio/camera/fisheye.h"
-#include "libvio/camera/mirror.h"
-#include "libvio/camera/unified.h"
+#include "libvio/camera/description.h"
 
 namespace vio {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-
-template <std::size_t N>
-std::array<double, N> coefficients(const std::vector<double>& given) {
-    if (given.size() > N)
-        throw InputError("scenario [camera] distortion: " + std::to_string(given.size()) +
-                         " coefficients, the model has " + std::to_string(N));
-    std::array<double, N> all{};
-    std::copy(given.begin(), given.end(), all.begin());
-    return all;
-}
 
 // From x y z [m] yaw pitch roll [deg].
 Pose pose_from(const std::string& text) {
@@ -40,18 +28,10 @@ Pose pose_from(const std::string& text) {
             {v[0], v[1], v[2]}};
 }
 
-MirrorShapeParameters::Kind mirror_kind(const std::string& model) {
-    using Kind = MirrorShapeParameters::Kind;
-    if (model == "hyperbolic_mirror") return Kind::kHyperbolic;
-    return model == "parabolic_mirror" ? Kind::kParabolic : Kind::kEquiangular;
-}
-
 }  // namespace
 
 void ScenarioCamera::describe(OptionSet& set) {
-    set.add("model", &model,
-            {"perspective", "fisheye", "unified", "equiangular_mirror", "hyperbolic_mirror",
-             "parabolic_mirror"},
+    set.add("model", &model, camera_models(),
             "projection; the keys of each model: share/formats.md");
     set.add("max_angle", &max_angle_deg, "deg", {0, 180},
             "fisheye, unified: from the middle's ray to the outermost");
@@ -74,18 +54,28 @@ CameraPtr ScenarioCamera::make(int width, int height, const std::vector<double>&
                                const std::vector<double>& distortion) const {
     if (intrinsics.size() != 4)
         throw InputError("scenario [camera] intrinsics: expected four numbers, fx fy cx cy");
-    const double fx = intrinsics[0], fy = intrinsics[1], cx = intrinsics[2], cy = intrinsics[3];
-    if (model == "fisheye")
-        return std::make_shared<FisheyeCamera>(FisheyeParameters{
-            width, height, fx, fy, cx, cy, coefficients<4>(distortion), max_angle_deg * kDegree});
-    const PerspectiveParameters lens{width, height, fx, fy, cx, cy, coefficients<8>(distortion)};
-    if (model == "perspective") return std::make_shared<PerspectiveCamera>(lens);
-    if (model == "unified")
-        return std::make_shared<UnifiedCamera>(
-            UnifiedParameters{lens, xi, mirror, min_angle_deg * kDegree, max_angle_deg * kDegree});
-    const MirrorShapeParameters shape{mirror_kind(model), apex_distance, gain,        eccentricity,
-                                      semi_latus_rectum,  rim_radius,    blind_radius};
-    return std::make_shared<MirrorCamera>(MirrorParameters{lens, shape, pose_from(mirror_pose)});
+    CameraDescription d;
+    d.model = model;
+    d.lens = {width, height, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], {}};
+    if (distortion.size() > d.lens.distortion.size())
+        throw InputError("scenario [camera] distortion: more than eight coefficients");
+    std::copy(distortion.begin(), distortion.end(), d.lens.distortion.begin());
+    d.min_angle = min_angle_deg * kDegree;
+    d.max_angle = max_angle_deg * kDegree;
+    d.xi = xi;
+    d.mirror = mirror;
+    d.shape.gain = gain;
+    d.shape.apex_distance = apex_distance;
+    d.shape.eccentricity = eccentricity;
+    d.shape.semi_latus_rectum = semi_latus_rectum;
+    d.shape.rim_radius = rim_radius;
+    d.shape.blind_radius = blind_radius;
+    d.T_C_M = pose_from(mirror_pose);
+    try {
+        return make_camera(d);
+    } catch (const InputError& reason) {
+        throw InputError(std::string("scenario [camera]: ") + reason.what());
+    }
 }
 
 }  // namespace vio

@@ -1,17 +1,14 @@
-// Calibration of an ASL data set: the sensor.yaml files.
+// Calibration from YAML: sensor.yaml of ASL data sets (EuRoC, TUM-VI), camchain and imu of Kalibr.
 #pragma once
-
-#include <mrpt/img/TCamera.h>
 
 #include <string>
 
-#include "libvio/geometry/pose.h"
-#include "libvio/imu/noise.h"
+#include "libvio/camera/rig.h"
 
 namespace vio {
 
 struct AslCamera {
-    mrpt::img::TCamera params;
+    CameraPtr camera;
     Pose T_B_C;
 };
 
@@ -27,5 +24,8 @@ AslCamera read_asl_camera(const std::string& sensor_yaml);
 AslImu read_asl_imu(const std::string& sensor_yaml);
 /// T_BS alone.
 Pose read_asl_extrinsics(const std::string& sensor_yaml);
+
+/// Overrides the rig with what a file of any of these kinds gives; see load_calibration.
+void load_yaml_calibration(const std::string& file, Rig& rig);
 
 }  // namespace vio

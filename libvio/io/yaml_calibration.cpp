@@ -1,0 +1,203 @@
+#include "libvio/io/yaml_calibration.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <filesystem>
+#include <vector>
+
+#include "libvio/base/errors.h"
+#include "libvio/camera/description.h"
+#include "libvio/io/text.h"
+
+namespace vio {
+namespace {
+
+// Departure from a rotation matrix that rounding of text explains.
+constexpr double kMaxNonOrthogonality = 1e-3;
+
+// Keys of a file or of one of its parts; every error names file and key.
+class Yaml {
+ public:
+    explicit Yaml(const std::string& file) : place_(file) {
+        if (!std::filesystem::is_regular_file(file))
+            throw InputError(file + ": no such file; name an existing calibration");
+        try {
+            root_.reset(YAML::LoadFile(file));
+        } catch (const YAML::Exception& reason) {
+            throw InputError(file + ": is not YAML (" + one_line(reason.what()) + ")");
+        }
+        if (!root_.IsMap()) throw InputError(file + ": holds no keys; expected a calibration");
+    }
+
+    bool has(const std::string& key) const { return root_[key].IsDefined(); }
+    Yaml part(const std::string& key) const {
+        if (!root_[key].IsMap()) throw error(key, "holds no keys");
+        return Yaml(place_ + " " + key, root_[key]);
+    }
+
+    InputError error(const std::string& key, const std::string& problem) const {
+        return InputError(place_ + " (" + key + "): " + problem);
+    }
+
+    template <typename T>
+    T get(const std::string& key) const {
+        return convert<T>(key, root_[key]);
+    }
+
+    std::vector<double> numbers(const std::string& key, std::size_t least) const {
+        const auto all = get<std::vector<double>>(key);
+        if (all.size() < least) throw error(key, "has too few numbers");
+        return all;
+    }
+
+    double positive(const std::string& key) const {
+        const double value = get<double>(key);
+        if (!(value > 0) || !std::isfinite(value)) throw error(key, "must be positive");
+        return value;
+    }
+
+    // ASL's T_BS, 16 numbers row by row.
+    Pose T_BS() const {
+        return rigid("T_BS", convert<std::vector<double>>("T_BS data", root_["T_BS"]["data"]));
+    }
+
+    // Kalibr's four rows.
+    Pose rows(const std::string& key) const {
+        std::vector<double> all;
+        for (const auto& row : get<std::vector<std::vector<double>>>(key))
+            all.insert(all.end(), row.begin(), row.end());
+        return rigid(key, all);
+    }
+
+ private:
+    Yaml(std::string place, const YAML::Node& root) : place_(std::move(place)), root_(root) {}
+
+    template <typename T>
+    T convert(const std::string& key, const YAML::Node& node) const {
+        if (!node.IsDefined()) throw error(key, "is missing");
+        try {
+            return node.as<T>();
+        } catch (const YAML::Exception&) {
+            throw error(key, "has a value of the wrong kind");
+        }
+    }
+
+    // Rotation is brought to the nearest one: files hold about ten digits.
+    Pose rigid(const std::string& key, const std::vector<double>& m) const {
+        if (m.size() != 16) throw error(key, "expected 16 numbers, row by row");
+        Pose T;
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) T.R(i, j) = m[static_cast<std::size_t>(4 * i + j)];
+            T.p(i) = m[static_cast<std::size_t>(4 * i + 3)];
+        }
+        if (!T.p.allFinite() || T.R.determinant() < 0.5 ||
+            !((T.R.transpose() * T.R - Eigen::Matrix3d::Identity()).norm() < kMaxNonOrthogonality))
+            throw error(key, "is not a rotation and a translation");
+        const Eigen::JacobiSVD<Eigen::Matrix3d> svd(T.R, Eigen::ComputeFullU | Eigen::ComputeFullV);
+        T.R = svd.matrixU() * svd.matrixV().transpose();
+        return T;
+    }
+
+    std::string place_;
+    YAML::Node root_;
+};
+
+// Both formats name the distortion alike, but for the key of its coefficients.
+void set_distortion(const Yaml& yaml, const std::string& coefficients, CameraDescription& d) {
+    const auto model = yaml.get<std::string>("distortion_model");
+    if (model == "none") return;
+    const auto k = yaml.numbers(coefficients, 4);
+    if (model == "radial-tangential" || model == "radtan" || model == "plumb_bob") {
+        if (k.size() != 4 && k.size() != 5 && k.size() != 8)
+            throw yaml.error(coefficients, "expected 4, 5 or 8 numbers");
+    } else if (model == "equidistant" || model == "kannala_brandt") {
+        if (k.size() != 4) throw yaml.error(coefficients, "expected 4 numbers");
+        if (d.model != "perspective")
+            throw yaml.error("distortion_model", "equidistant needs the camera model pinhole");
+        d.model = "fisheye";
+    } else {
+        throw yaml.error("distortion_model", "'" + model +
+                                                 "' is not known; radial-tangential, equidistant "
+                                                 "and none are");
+    }
+    std::copy(k.begin(), k.end(), d.lens.distortion.begin());
+}
+
+CameraPtr read_camera(const Yaml& yaml, const std::string& coefficients) {
+    CameraDescription d;
+    const auto model = yaml.get<std::string>("camera_model");
+    if (model == "omni")
+        d.model = "unified";
+    else if (model != "pinhole")
+        throw yaml.error("camera_model", "'" + model + "' is not known; pinhole and omni are");
+    const auto size = yaml.get<std::vector<int>>("resolution");
+    if (size.size() != 2 || size[0] <= 0 || size[1] <= 0)
+        throw yaml.error("resolution", "expected width and height");
+    auto intrinsics = yaml.numbers("intrinsics", d.model == "unified" ? 5 : 4);
+    if (d.model == "unified") {
+        d.xi = intrinsics.front();
+        intrinsics.erase(intrinsics.begin());
+    }
+    if (!(intrinsics[0] > 0) || !(intrinsics[1] > 0))
+        throw yaml.error("intrinsics", "focal lengths must be positive");
+    d.lens = {size[0], size[1], intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], {}};
+    set_distortion(yaml, coefficients, d);
+    try {
+        return make_camera(d);
+    } catch (const InputError& reason) {
+        throw yaml.error("intrinsics", reason.what());
+    }
+}
+
+void read_noise(const Yaml& yaml, ImuNoise& noise) {
+    noise.gyro_noise_density = yaml.positive("gyroscope_noise_density");
+    noise.gyro_bias_random_walk = yaml.positive("gyroscope_random_walk");
+    noise.accel_noise_density = yaml.positive("accelerometer_noise_density");
+    noise.accel_bias_random_walk = yaml.positive("accelerometer_random_walk");
+}
+
+}  // namespace
+
+AslCamera read_asl_camera(const std::string& sensor_yaml) {
+    const Yaml yaml(sensor_yaml);
+    return {read_camera(yaml, "distortion_coefficients"), yaml.T_BS()};
+}
+
+AslImu read_asl_imu(const std::string& sensor_yaml) {
+    const Yaml yaml(sensor_yaml);
+    AslImu imu;
+    imu.T_B_I = yaml.T_BS();
+    read_noise(yaml, imu.noise);
+    return imu;
+}
+
+Pose read_asl_extrinsics(const std::string& sensor_yaml) {
+    return Yaml(sensor_yaml).T_BS();
+}
+
+void load_yaml_calibration(const std::string& file, Rig& rig) {
+    const Yaml yaml(file);
+    if (yaml.has("cam0")) {
+        const Yaml camera = yaml.part("cam0");
+        rig.camera = read_camera(camera, "distortion_coeffs");
+        if (camera.has("T_cam_imu")) rig.T_B_C = rig.T_B_I * camera.rows("T_cam_imu").inverse();
+        if (camera.has("timeshift_cam_imu"))
+            rig.time_offset = camera.get<double>("timeshift_cam_imu");
+    } else if (yaml.has("camera_model")) {
+        const AslCamera camera = read_asl_camera(file);
+        rig.camera = camera.camera;
+        rig.T_B_C = camera.T_B_C;
+    } else if (yaml.has("imu0")) {
+        read_noise(yaml.part("imu0"), rig.imu_noise);
+    } else if (yaml.has("gyroscope_noise_density")) {
+        read_noise(yaml, rig.imu_noise);
+        if (yaml.has("T_BS")) rig.T_B_I = yaml.T_BS();
+    } else {
+        throw InputError(file +
+                         ": is no calibration known here; sensor.yaml of an ASL data set and "
+                         "Kalibr's camchain and imu files are");
+    }
+}
+
+}  // namespace vio
