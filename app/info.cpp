@@ -44,7 +44,7 @@ void print_camera(const Rig& rig) {
         std::printf("camera   none, or not calibrated\n");
         return;
     }
-    std::printf("camera   %s\n", camera_summary(*rig.camera).c_str());
+    std::printf("camera   [px, m, rad] %s\n", camera_summary(*rig.camera).c_str());
     print("T_B_C", rig.T_B_C);
     print("T_C_B", rig.T_B_C.inverse());
     if (const auto* mirror = dynamic_cast<const MirrorCamera*>(rig.camera.get())) {

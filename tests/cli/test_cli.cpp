@@ -195,7 +195,7 @@ TEST_F(Cli, InfoListsStreamsAndCalibration) {
     const ProgramResult result = run("info " + rawlog({}));
     EXPECT_EQ(result.exit_code, 0) << result.err;
     for (const char* word : {"cam0", "imu0", "CObservationImage", "CObservationIMU", "200.00 Hz",
-                             "20.00 Hz", "T_B_C", "T_C_B", "perspective, 64 x 48 px"})
+                             "20.00 Hz", "T_B_C", "T_C_B", "model = perspective, width = 64"})
         EXPECT_NE(result.out.find(word), std::string::npos) << word << " is not in\n" << result.out;
 }
 
