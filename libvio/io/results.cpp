@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "libvio/io/calibration_file.h"
+#include "libvio/io/landmark_colour.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -80,24 +81,6 @@ std::string states_text(const Estimate& estimate) {
     return text;
 }
 
-// Blue where a landmark is well known, red where its standard deviation is a tenth of the
-// structure's median distance or more.
-Eigen::Vector3i uncertainty_colour(const LandmarkEstimate& landmark, double scale) {
-    const double sigma = std::sqrt(std::max(0.0, landmark.covariance.trace()));
-    const double share = std::clamp(sigma / std::max(1e-12, 0.1 * scale), 0.0, 1.0);
-    return {static_cast<int>(40 + 200 * share), static_cast<int>(110 * (1 - share) + 40),
-            static_cast<int>(240 - 200 * share)};
-}
-
-double median_distance(const std::vector<LandmarkEstimate>& landmarks) {
-    if (landmarks.empty()) return 1;
-    std::vector<double> distances;
-    for (const LandmarkEstimate& landmark : landmarks) distances.push_back(landmark.p_W.norm());
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
-    return *middle;
-}
-
 std::string landmarks_ply(const Estimate& estimate) {
     std::ostringstream out;
     out << "ply\nformat ascii 1.0\n"
@@ -109,10 +92,10 @@ std::string landmarks_ply(const Estimate& estimate) {
     for (const char* name : {"xx", "xy", "xz", "yy", "yz", "zz"})
         out << "property double covariance_" << name << "\n";
     out << "end_header\n";
-    const double scale = median_distance(estimate.landmarks);
+    const LandmarkColours colours(estimate.landmarks);
     for (const LandmarkEstimate& l : estimate.landmarks) {
         for (int k = 0; k < 3; ++k) out << format(l.p_W(k)) << ' ';
-        out << uncertainty_colour(l, scale).transpose() << ' ' << l.id << ' ' << l.observations;
+        out << colours.rgb(l).transpose() << ' ' << l.id << ' ' << l.observations;
         for (int r = 0; r < 3; ++r)
             for (int c = r; c < 3; ++c) out << ' ' << format(l.covariance(r, c));
         out << '\n';
