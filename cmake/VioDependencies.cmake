@@ -5,3 +5,4 @@ find_dependency(OpenCVModules COMPONENTS core imgproc imgcodecs video videoio fe
 find_dependency(mrpt-obs)
 find_dependency(mrpt-maps)
 find_dependency(mrpt-opengl)
+find_dependency(mrpt-topography)

@@ -31,7 +31,7 @@ row() {
     fi
     local images=()
     [[ $offset == part ]] || images=(--rawlog "$rawlog" --start-offset "$offset")
-    "$VIO_SLAM" evaluate "$result" --truth "$truth" --align "$align" "${images[@]}" --json \
+    "$VIO_SLAM" evaluate "$result" --against "$truth" --align "$align" "${images[@]}" --json \
         >"$result.json"
     printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f\n' "$name" \
         "$(awk -v x="$(json "$result.json" position_m rmse)" 'BEGIN { print 100 * x }')" \

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "libvio/base/errors.h"
+#include "libvio/evaluation/time_offset.h"
 
 namespace vio {
 namespace {
@@ -15,11 +16,52 @@ std::string seconds_text(TimeNs t) {
     return text;
 }
 
+// Time is allowed to jitter; one missing row makes an interval of twice the median.
+constexpr double kGapIntervals = 2.5;
+
+double default_max_gap(const std::vector<TimedPose>& truth) {
+    std::vector<TimeNs> intervals;
+    for (size_t i = 1; i < truth.size(); ++i) intervals.push_back(truth[i].t - truth[i - 1].t);
+    if (intervals.empty()) return 0;
+    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+    std::nth_element(intervals.begin(), middle, intervals.end());
+    return kGapIntervals * to_seconds(*middle);
+}
+
+std::vector<TruthGap> gaps(const std::vector<TimedPose>& truth,
+                           const std::vector<TimedPose>& estimate, const Evaluation& e) {
+    const TimeNs offset = from_seconds(e.time_offset_s), limit = from_seconds(e.max_gap_s);
+    std::vector<TruthGap> list;
+    for (size_t i = 1; i < truth.size(); ++i) {
+        const TruthGap gap{truth[i - 1].t - offset, truth[i].t - offset};
+        if (gap.to - gap.from <= limit) continue;
+        if (gap.to > estimate.front().t && gap.from < estimate.back().t) list.push_back(gap);
+    }
+    return list;
+}
+
+void settle_time(const std::vector<TimedPose>& estimate, const std::vector<TimedPose>& truth,
+                 const EvaluationOptions& options, Evaluation& e) {
+    e.max_gap_s = options.max_gap_s ? *options.max_gap_s : default_max_gap(truth);
+    e.time_offset_s = options.time_offset_s;
+    if (options.time_offset_search_s <= 0) return;
+    const auto offset =
+        estimate_time_offset(estimate, truth, options.T_B_T, options.alignment,
+                             from_seconds(e.max_gap_s), options.time_offset_search_s);
+    if (!offset)
+        throw InputError(options.estimate_name + " against " + options.truth_name +
+                         ": no time offset within " +
+                         seconds_text(from_seconds(options.time_offset_search_s)) +
+                         " fits better than its neighbours; search farther, or give it");
+    e.time_offset_s = *offset;
+    e.time_offset_estimated = true;
+}
+
 std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
                                        const std::vector<TimedPose>& truth,
-                                       const EvaluationOptions& options) {
-    const TimeNs offset = from_seconds(options.time_offset_s);
-    auto pairs = associate(estimate, truth, from_seconds(options.max_gap_s), offset);
+                                       const EvaluationOptions& options, const Evaluation& e) {
+    const TimeNs offset = from_seconds(e.time_offset_s);
+    auto pairs = associate(estimate, truth, from_seconds(e.max_gap_s), offset);
     const std::string both = options.estimate_name + " against " + options.truth_name + ": ";
     if (pairs.empty()) {
         if (estimate.back().t + offset < truth.front().t ||
@@ -29,8 +71,7 @@ std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
                              seconds_text(truth.front().t) + " to " + seconds_text(truth.back().t) +
                              "); check the clocks and the unit of the stamps");
         throw InputError(both + "no pose lies between rows of truth at most " +
-                         seconds_text(from_seconds(options.max_gap_s)) +
-                         " apart; allow a wider gap");
+                         seconds_text(from_seconds(e.max_gap_s)) + " apart; allow a wider gap");
     }
     if (pairs.size() == 1)
         throw InputError(both + "only one pose has truth at its time; at least two are needed");
@@ -101,10 +142,20 @@ Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImag
 }
 
 void add_warnings(Evaluation& e) {
-    char text[160];
+    char text[200];
     if (e.associated_poses < e.estimated_poses) {
         std::snprintf(text, sizeof(text), "%d of %d poses have no truth at their time",
                       e.estimated_poses - e.associated_poses, e.estimated_poses);
+        e.warnings.push_back(text);
+    }
+    if (!e.gaps.empty()) {
+        TimeNs longest = 0;
+        for (const TruthGap& gap : e.gaps) longest = std::max(longest, gap.to - gap.from);
+        std::snprintf(text, sizeof(text),
+                      "the truth has %zu gap%s of more than %.3g s, the longest %.3g s, from t = "
+                      "%.3f s on",
+                      e.gaps.size(), e.gaps.size() == 1 ? "" : "s", e.max_gap_s,
+                      to_seconds(longest), to_seconds(e.gaps.front().from));
         e.warnings.push_back(text);
     }
     const double factor = e.scale_error ? 1 + *e.scale_error : 1;
@@ -124,19 +175,33 @@ void measure_poses(const std::vector<PosePair>& aligned, Evaluation& e) {
                               rotation_angle(pair.truth.R.transpose() * pair.estimate.R)};
         e.errors.push_back(error);
         position.push_back(error.position.norm());
-        rotation.push_back(error.rotation);
+        if (e.has_rotation) rotation.push_back(error.rotation);
     }
     e.position = statistics(std::move(position));
     e.rotation = statistics(std::move(rotation));
+}
+
+std::optional<Drift> drift(const std::vector<RelativeError>& steps) {
+    Drift sum;
+    int count = 0;
+    for (const RelativeError& r : steps) {
+        if (r.translation.count == 0) continue;
+        sum.translation += r.translation.count * r.translation.mean / r.mean_step;
+        sum.rotation += r.rotation.count * r.rotation.mean / r.mean_step;
+        count += r.translation.count;
+    }
+    if (count == 0) return std::nullopt;
+    return Drift{sum.translation / count, sum.rotation / count};
 }
 
 void measure_steps(const std::vector<PosePair>& aligned, const EvaluationOptions& options,
                    Evaluation& e) {
     std::vector<double> distances = options.rpe_distances_m;
     if (distances.empty() && e.truth_path_length > 0)
-        distances = {0.1 * e.truth_path_length, 0.5 * e.truth_path_length};
+        for (int i = 1; i <= 5; ++i) distances.push_back(0.1 * i * e.truth_path_length);
     for (double step : distances)
         e.rpe_distance.push_back(relative_error_over_distance(aligned, step));
+    e.drift = drift(e.rpe_distance);
     for (double step : options.rpe_times_s)
         e.rpe_time.push_back(relative_error_over_time(aligned, step));
 }
@@ -165,10 +230,13 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
         throw InputError(options.estimate_name + ": holds " + std::to_string(estimate.size()) +
                          " poses but " + std::to_string(covariances->size()) +
                          " covariances; give one for each");
-    std::vector<PosePair> pairs = associated_pairs(estimate, truth, options);
+    Evaluation e;
+    settle_time(estimate, truth, options, e);
+    std::vector<PosePair> pairs = associated_pairs(estimate, truth, options, e);
     const auto [p_E, p_G] = positions(pairs);
 
-    Evaluation e;
+    e.gaps = gaps(truth, estimate, e);
+    e.has_rotation = options.truth_has_attitude;
     e.estimate_name = options.estimate_name;
     e.truth_name = options.truth_name;
     e.estimated_poses = static_cast<int>(estimate.size());
@@ -178,13 +246,13 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
     e.truth_path_length = length(p_G);
     e.completion = completion(estimate, options.images);
     e.scale_error = scale_error(p_E, p_G);
-    if (covariances) e.nees = nees(pairs, *covariances);
+    if (covariances && e.has_rotation) e.nees = nees(pairs, *covariances);
 
     e.alignment = align(p_E, p_G, options.alignment);
     require_determined(e.alignment, options);
     for (PosePair& pair : pairs) pair.estimate = e.alignment.S_G_E * pair.estimate;
     measure_poses(pairs, e);
-    measure_steps(pairs, options, e);
+    if (e.has_rotation) measure_steps(pairs, options, e);
     add_warnings(e);
     return e;
 }

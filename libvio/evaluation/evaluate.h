@@ -23,11 +23,15 @@ struct ExpectedImages {
 
 struct EvaluationOptions {
     AlignmentKind alignment = AlignmentKind::kSE3;
-    double max_gap_s = 0.1;    ///< widest gap in the truth that is interpolated over
-    double time_offset_s = 0;  ///< t_truth = t_estimate + time_offset
-    Pose T_B_T;                ///< pose of what the truth tracks, in the estimate's body frame
+    /// Widest gap in the truth that is interpolated over; default: 2.5 times its median interval.
+    std::optional<double> max_gap_s;
+    double time_offset_s = 0;         ///< t_truth = t_estimate + time_offset
+    double time_offset_search_s = 0;  ///< above 0: the offset is estimated, within +- this
+    Pose T_B_T;  ///< pose of what the truth tracks, in the estimate's body frame
+    bool truth_has_attitude = true;  ///< false: rotations and steps are not judged
     ExpectedImages images;
-    /// Lengths of the relative pose error. Distances left empty: 10 and 50 % of the true path.
+    /// Lengths of the relative pose error. Distances left empty: 10, 20, 30, 40 and 50 % of the
+    /// true path.
     std::vector<double> rpe_distances_m;
     std::vector<double> rpe_times_s = {1.0};
     /// Named in error messages.
@@ -40,6 +44,18 @@ struct PoseError {
     int estimate_idx = 0;
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< estimate - truth [m]
     double rotation = 0;                                 ///< angle [rad]
+};
+
+/// Stretch between two rows of truth that is too long to be interpolated over.
+struct TruthGap {
+    TimeNs from = 0, to = 0;  ///< in the estimate's time
+};
+
+/// Growth of the error along the path: the relative errors over all distances, each divided by its
+/// distance, averaged over all steps (as the KITTI benchmark does).
+struct Drift {
+    double translation = 0;  ///< [-]
+    double rotation = 0;     ///< [rad/m]
 };
 
 struct Completion {
@@ -57,6 +73,12 @@ struct Evaluation {
     /// is too short to tell (two poses, or one place).
     std::optional<double> scale_error;
     std::vector<RelativeError> rpe_distance, rpe_time;
+    std::optional<Drift> drift;  ///< if there are steps over a distance
+    bool has_rotation = true;    ///< false: the truth has no attitude; rotation and steps are empty
+    double time_offset_s = 0;    ///< as given or estimated
+    bool time_offset_estimated = false;
+    double max_gap_s = 0;        ///< of the truth, interpolated over
+    std::vector<TruthGap> gaps;  ///< wider ones, within the estimate's time
     Completion completion;
     std::optional<Nees> nees;           ///< if covariances were given
     int estimated_poses = 0;            ///< in the whole estimate
@@ -81,6 +103,9 @@ std::vector<TimedPose> apply(const Similarity& S_G_E, const std::vector<TimedPos
 
 /// A short table for people: metres, degrees, percent.
 std::string to_text(const Evaluation& evaluation);
+
+/// Several evaluations beside each other, one line each: what each of them is to_text() tells.
+std::string to_table(const std::vector<Evaluation>& evaluations);
 
 /// Machine-readable; the unit is part of each name. Holds the statistics, not the single errors.
 nlohmann::ordered_json to_json(const Evaluation& evaluation);

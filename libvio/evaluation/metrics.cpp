@@ -17,6 +17,7 @@ constexpr double kChiSquare3 = 7.814727903251179, kChiSquare6 = 12.5915872437439
 RelativeError relative_error(const std::vector<PosePair>& aligned, const std::vector<double>& x,
                              double step, double tolerance) {
     std::vector<double> translation, rotation;
+    double steps = 0;
     for (size_t i = 0; i + 1 < aligned.size(); ++i) {
         const auto begin = x.begin() + static_cast<std::ptrdiff_t>(i) + 1;
         auto nearest = std::lower_bound(begin, x.end(), x[i] + step);
@@ -27,10 +28,13 @@ RelativeError relative_error(const std::vector<PosePair>& aligned, const std::ve
         const PosePair &a = aligned[i], &b = aligned[static_cast<size_t>(nearest - x.begin())];
         const Pose E =
             (a.truth.inverse() * b.truth).inverse() * (a.estimate.inverse() * b.estimate);
+        steps += *nearest - x[i];
         translation.push_back(E.p.norm());
         rotation.push_back(rotation_angle(E.R));
     }
-    return {step, statistics(std::move(translation)), statistics(std::move(rotation))};
+    const double count = std::max(1.0, static_cast<double>(translation.size()));
+    return {step, steps / count, statistics(std::move(translation)),
+            statistics(std::move(rotation))};
 }
 
 /// Adds e^T C^-1 e to the sum; not if C is not positive definite to working precision.

@@ -26,6 +26,7 @@ double rotation_angle(const Eigen::Matrix3d& R);
 /// `all_pairs`): E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j), Q truth, P estimate.
 struct RelativeError {
     double step = 0;              ///< nominal: metres or seconds
+    double mean_step = 0;         ///< of the pairs found
     ErrorStatistics translation;  ///< |E.p| [m]
     ErrorStatistics rotation;     ///< angle of E.R [rad]
 };

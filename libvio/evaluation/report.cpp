@@ -1,4 +1,5 @@
 // Evaluation as text and as JSON.
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
@@ -77,6 +78,9 @@ std::string to_text(const Evaluation& e) {
     std::string text;
     append(text, "%s against %s\n", e.estimate_name.c_str(), e.truth_name.c_str());
     append(text, "  alignment        %s\n", to_string(e.alignment.kind).c_str());
+    if (e.time_offset_estimated || e.time_offset_s != 0)
+        append(text, "  time offset      %+.6f s (%s)\n", e.time_offset_s,
+               e.time_offset_estimated ? "estimated" : "as given");
     append(text,
            "  poses            %d of %d with truth, over %.2f s and %.2f m (estimate %.2f m)\n",
            e.associated_poses, e.estimated_poses, e.duration_s, e.truth_path_length,
@@ -91,12 +95,18 @@ std::string to_text(const Evaluation& e) {
     append(text, "\n  %-16s %9s %9s %9s %9s\n", "absolute error", "average", "RMSE", "median",
            "maximum");
     append_statistics(text, "position", "m", e.position, 1);
-    append_statistics(text, "rotation", "deg", e.rotation, kDegrees);
+    if (e.has_rotation)
+        append_statistics(text, "rotation", "deg", e.rotation, kDegrees);
+    else
+        append(text, "  %-16s the truth has no attitude\n", "rotation");
     if (!e.rpe_distance.empty() || !e.rpe_time.empty()) {
         append(text, "\n  relative error\n");
         append_steps(text, e.rpe_distance, "m");
         append_steps(text, e.rpe_time, "s");
     }
+    if (e.drift)
+        append(text, "  %-16s %.3f %% of the distance, %.4f deg/m\n", "drift",
+               100 * e.drift->translation, kDegrees * e.drift->rotation);
     if (e.nees) {
         append(text, "\n  NEES (yaw and position aligned at the first pose)\n");
         append_nees(text, "position", e.nees->position);
@@ -105,6 +115,54 @@ std::string to_text(const Evaluation& e) {
     }
     for (const std::string& warning : e.warnings) append(text, "\n  note: %s", warning.c_str());
     if (!e.warnings.empty()) text += '\n';
+    return text;
+}
+
+std::string to_table(const std::vector<Evaluation>& evaluations) {
+    size_t names = 8, truths = 5;
+    for (const Evaluation& e : evaluations) {
+        names = std::max(names, e.estimate_name.size());
+        truths = std::max(truths, e.truth_name.size());
+    }
+    std::string text;
+    const int n = static_cast<int>(names), t = static_cast<int>(truths);
+    append(text, "%-*s  %-*s %12s %23s %16s %7s %7s %7s\n", n, "estimate", t, "truth", "",
+           "position [m]", "rotation [deg]", "scale", "drift", "compl.");
+    append(text, "%-*s  %-*s %5s %6s %7s %7s %7s %7s %8s %7s %7s %7s\n", n, "", t, "", "poses", "m",
+           "average", "RMSE", "max.", "average", "max.", "%", "%", "%");
+    const auto percent = [&](bool known, double share, const char* format) {
+        char value[32] = "-";
+        if (known) std::snprintf(value, sizeof(value), format, 100 * share);
+        append(text, " %7s", value);
+    };
+    for (const Evaluation& e : evaluations) {
+        append(text, "%-*s  %-*s %5d %6.1f %7.4f %7.4f %7.4f", n, e.estimate_name.c_str(), t,
+               e.truth_name.c_str(), e.associated_poses, e.truth_path_length, e.position.mean,
+               e.position.rmse, e.position.max);
+        if (e.has_rotation)
+            append(text, " %7.3f %8.3f", kDegrees * e.rotation.mean, kDegrees * e.rotation.max);
+        else
+            append(text, " %7s %8s", "-", "-");
+        percent(e.scale_error.has_value(), e.scale_error.value_or(0), "%+.2f");
+        percent(e.drift.has_value(), e.drift ? e.drift->translation : 0, "%.3f");
+        percent(e.completion.expected > 0, e.completion.share(), "%.1f");
+        text += '\n';
+    }
+    if (!evaluations.empty()) {
+        const AlignmentKind kind = evaluations.front().alignment.kind;
+        const bool same = std::all_of(evaluations.begin(), evaluations.end(),
+                                      [&](const auto& e) { return e.alignment.kind == kind; });
+        if (same) append(text, "\nalignment %s\n", to_string(kind).c_str());
+        if (!same)
+            for (const Evaluation& e : evaluations)
+                append(text, "\nalignment %s: %s", to_string(e.alignment.kind).c_str(),
+                       e.estimate_name.c_str());
+        if (!same) text += '\n';
+    }
+    for (const Evaluation& e : evaluations)
+        for (const std::string& warning : e.warnings)
+            append(text, "note: %s against %s: %s\n", e.estimate_name.c_str(), e.truth_name.c_str(),
+                   warning.c_str());
     return text;
 }
 
@@ -122,14 +180,22 @@ Json to_json(const Evaluation& e) {
                  {"truth_path_length_m", e.truth_path_length},
                  {"estimate_path_length_m", e.estimate_path_length},
                  {"position_m", statistics_json(e.position, 1)},
-                 {"rotation_deg", statistics_json(e.rotation, kDegrees)},
-                 {"scale_error", e.scale_error ? Json(*e.scale_error) : Json()}};
+                 {"rotation_deg", e.has_rotation ? statistics_json(e.rotation, kDegrees) : Json()},
+                 {"scale_error", e.scale_error ? Json(*e.scale_error) : Json()},
+                 {"time_offset_s", e.time_offset_s},
+                 {"time_offset_estimated", e.time_offset_estimated}};
     if (e.completion.expected > 0)
         json["completion"] = {{"share", e.completion.share()},
                               {"images", e.completion.expected},
                               {"with_pose", e.completion.estimated}};
     json["relative_over_distance"] = steps_json(e.rpe_distance, "step_m");
     json["relative_over_time"] = steps_json(e.rpe_time, "step_s");
+    if (e.drift)
+        json["drift"] = {{"translation_share", e.drift->translation},
+                         {"rotation_deg_per_m", kDegrees * e.drift->rotation}};
+    json["truth_gaps"] = Json::array();
+    for (const TruthGap& gap : e.gaps)
+        json["truth_gaps"].push_back({{"from_ns", gap.from}, {"to_ns", gap.to}});
     if (e.nees)
         json["nees"] = {{"position", nees_json(e.nees->position)},
                         {"rotation", nees_json(e.nees->rotation)},

@@ -1,5 +1,7 @@
 #include "libvio/io/mrpt_conversions.h"
 
+#include <mrpt/obs/CActionRobotMovement2D.h>
+#include <mrpt/obs/CActionRobotMovement3D.h>
 #include <mrpt/obs/gnss_messages_ascii_nmea.h>
 
 #include <algorithm>
@@ -201,6 +203,17 @@ std::optional<GpsMessage> from_mrpt(const mrpt::obs::CObservationGPS& observatio
     const auto& gga = observation.getMsgByClass<Message_NMEA_GGA>().fields;
     return GpsMessage{from_mrpt(observation.timestamp), gga.latitude_degrees, gga.longitude_degrees,
                       gga.altitude_meters, gga.fix_quality};
+}
+
+std::optional<Pose> odometry_increment(const mrpt::obs::CAction& action) {
+    using namespace mrpt::obs;
+    if (const auto* planar = dynamic_cast<const CActionRobotMovement2D*>(&action);
+        planar && planar->estimationMethod == CActionRobotMovement2D::emOdometry)
+        return from_mrpt(mrpt::poses::CPose3D(planar->rawOdometryIncrementReading));
+    if (const auto* full = dynamic_cast<const CActionRobotMovement3D*>(&action);
+        full && full->estimationMethod == CActionRobotMovement3D::emOdometry)
+        return from_mrpt(full->poseChange.mean);
+    return std::nullopt;
 }
 
 CObservationFeatures to_mrpt(const FeatureFrame& frame) {

@@ -3,6 +3,7 @@
 
 #include <mrpt/core/Clock.h>
 #include <mrpt/img/TCamera.h>
+#include <mrpt/obs/CAction.h>
 #include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/poses/CPose3D.h>
@@ -59,6 +60,9 @@ std::optional<ImuReading> from_mrpt(const mrpt::obs::CObservationIMU& observatio
 /// Fix as an NMEA GGA message. From: nothing if the observation holds no GGA message.
 mrpt::obs::CObservationGPS to_mrpt(const GpsMessage& fix);
 std::optional<GpsMessage> from_mrpt(const mrpt::obs::CObservationGPS& observation);
+
+/// Odometry increment of MRPT's older rawlog layout; nothing for other actions.
+std::optional<Pose> odometry_increment(const mrpt::obs::CAction& action);
 
 /// Features with their stamp; label and calibration are the caller's to add.
 CObservationFeatures to_mrpt(const FeatureFrame& frame);

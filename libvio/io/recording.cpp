@@ -1,8 +1,6 @@
 #include "libvio/io/recording.h"
 
 #include <mrpt/obs/CActionCollection.h>
-#include <mrpt/obs/CActionRobotMovement2D.h>
-#include <mrpt/obs/CActionRobotMovement3D.h>
 #include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/obs/CSensoryFrame.h>
@@ -279,15 +277,9 @@ std::optional<Message> Recording::Impl::convert(const CObservation& observation)
 // Odometry of the action / sensory-frame layout comes as increments: their sum is the pose.
 std::optional<Message> Recording::Impl::convert(const CActionCollection& actions) {
     for (const auto& action : actions) {
-        if (const auto* planar = dynamic_cast<const CActionRobotMovement2D*>(action.get())) {
-            if (planar->estimationMethod != CActionRobotMovement2D::emOdometry) continue;
-            T_O_B = T_O_B * from_mrpt(mrpt::poses::CPose3D(planar->rawOdometryIncrementReading));
-        } else if (const auto* full = dynamic_cast<const CActionRobotMovement3D*>(action.get())) {
-            if (full->estimationMethod != CActionRobotMovement3D::emOdometry) continue;
-            T_O_B = T_O_B * from_mrpt(full->poseChange.mean);
-        } else {
-            continue;
-        }
+        const std::optional<Pose> increment = odometry_increment(*action);
+        if (!increment) continue;
+        T_O_B = T_O_B * *increment;
         if (action->timestamp == INVALID_TIMESTAMP) return {};
         return OdometryMessage{from_mrpt(action->timestamp), T_O_B};
     }

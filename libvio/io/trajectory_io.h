@@ -1,4 +1,4 @@
-// Trajectories as text: TUM (read and written) and EuRoC ground truth (read).
+// Trajectories as text: TUM (read and written), EuRoC ground truth, KITTI and MRPT (read).
 #pragma once
 
 #include <string>
@@ -10,12 +10,16 @@
 
 namespace vio {
 
-/// Reads a trajectory in order of time, plain or gzip-compressed, in either form:
+/// Reads a trajectory in order of time, plain or gzip-compressed, in the layout that its first row
+/// has:
 /// - TUM text: `t[s] x y z qx qy qz qw`, separated by blanks; the decimal stamp is taken exactly;
-/// - EuRoC CSV: `t[ns],x,y,z,qw,qx,qy,qz[,more columns]`, whose other columns are not read.
-/// Lines that begin with # are comments. Throws InputError (file and line) for a missing or empty
-/// file, a malformed row, a quaternion that is not of unit length within 1 %, and stamps that do
-/// not increase.
+/// - EuRoC CSV: `t[ns],x,y,z,qw,qx,qy,qz[,more columns]`, whose other columns are not read;
+/// - MRPT's CPose3DInterpolator: `t[s] x y z yaw pitch roll`, separated by blanks;
+/// - KITTI: the 12 numbers of the 3x4 matrix, row by row, with the times [s] in NAME.times.txt
+///   beside NAME.txt or in times.txt.
+/// Lines that begin with # or % are comments. Throws InputError (file and line) for a missing or
+/// empty file, a malformed row, a quaternion that is not of unit length within 1 %, and stamps that
+/// do not increase.
 std::vector<TimedPose> read_trajectory(const std::string& file);
 
 /// The poses of an estimate.

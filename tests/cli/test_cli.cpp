@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -101,7 +102,7 @@ TEST_F(Cli, WrongUseIsOneLine) {
     expect_error("run --estimator magic x.rawlog" + output(), {"--estimator", "magic"});
     expect_error("run x.rawlog", {"--output"});
     expect_error("run --set tracker.no_such_option=1 --print-options", {"no_such_option"});
-    expect_error("evaluate x", {"--truth"});
+    expect_error("evaluate x", {"--against"});
 }
 
 TEST_F(Cli, MissingFile) {
@@ -112,8 +113,8 @@ TEST_F(Cli, MissingFile) {
     expect_error("run " + rawlog({}) + " --calibration " + gone + output(), {gone});
     expect_error("import asl " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("simulate " + gone + " -o " + folder_ / "x.rawlog", {gone});
-    expect_error("evaluate " + gone + " --truth " + folder_ / "truth.tum", {gone});
-    expect_error("evaluate " + folder_ / "truth.tum" + " --truth " + gone, {gone});
+    expect_error("evaluate " + gone + " --against " + folder_ / "truth.tum", {gone});
+    expect_error("evaluate " + folder_ / "truth.tum" + " --against " + gone, {gone});
     expect_error("render " + gone + " -o " + folder_ / "x.png", {gone});
     expect_error("info " + gone, {gone});
     EXPECT_FALSE(std::filesystem::exists(folder_ / "x.rawlog"));
@@ -125,9 +126,61 @@ TEST_F(Cli, TruncatedRawlog) {
     expect_error("run " + file + output(), {file});
     expect_error("info " + file, {file});
     write_text(folder_ / "truth.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 1 1 0 0 0 0 1\n");
-    expect_error("evaluate " + folder_ / "truth.tum" + " --truth " + folder_ / "truth.tum" +
+    expect_error("evaluate " + folder_ / "truth.tum" + " --against " + folder_ / "truth.tum" +
                      " --rawlog " + file,
                  {file});
+}
+
+// Rows of a path that bends, from time t on, written by the layout of TUM.
+std::string tum_rows(double t, int n, double scale = 1) {
+    std::string text;
+    for (int i = 0; i < n; ++i)
+        text += std::to_string(t + 0.1 * i) + " " + std::to_string(scale * std::cos(0.2 * i)) +
+                " " + std::to_string(scale * std::sin(0.2 * i)) + " 0 0 0 0 1\n";
+    return text;
+}
+
+TEST_F(Cli, EvaluateTellsBadTrajectories) {
+    const std::string good = folder_ / "good.tum", bad = folder_ / "bad.tum";
+    write_text(good, tum_rows(100, 30));
+    const auto expect = [&](const std::string& text, const std::vector<std::string>& words) {
+        write_text(bad, text);
+        expect_error("evaluate " + good + " --against " + bad, words);
+    };
+    expect(tum_rows(500, 30), {bad, "no overlap in time", "clocks"});
+    expect(tum_rows(100, 1), {bad, "only one pose"});
+    expect(tum_rows(100, 5) + "100.6 nan 0 0 0 0 0 1\n", {bad, "(line 6)"});
+    expect(tum_rows(100, 5) + "100.2 0 0 0 0 0 0 1\n", {bad, "(line 6)", "time stamp"});
+    expect("100 0 0 0 0 0 0 1\n101 1 0 0 0 0 0 1\n102 2 0 0 0 0 0 1\n", {bad, "straight line"});
+    expect("1 2 3\n", {bad, "(line 1)"});
+    expect("", {bad, "no poses"});
+    write_text(bad, "100 0 0 0 0 0 0 1\n101 1 0 0 0 0 0 1\n102 2 0 0 0 0 0 1\n");
+    expect_error("evaluate " + good + " --align sim3 --against " + bad, {bad, "straight line"});
+    expect_error("evaluate " + good + " --against " + rawlog({}), {":odometry", ":gps"});
+    expect_error("evaluate " + good + " --against " + rawlog({}) + ":gps", {"no GPS fix"});
+    expect_error("evaluate " + good + " --against " + rawlog({}) + ":odometry", {"no odometry"});
+    expect_error("evaluate " + good + " --against " + good + " --tracked 1 2 3 4", {"--tracked"});
+}
+
+TEST_F(Cli, EvaluatePointsOutTruthInOtherUnits) {
+    write_text(folder_ / "metres.tum", tum_rows(100, 30));
+    write_text(folder_ / "millimetres.tum", tum_rows(100, 30, 1000));
+    const ProgramResult result =
+        run("evaluate " + folder_ / "metres.tum" + " --against " + folder_ / "millimetres.tum");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("0.001 times as large as the truth; check the unit"),
+              std::string::npos)
+        << result.out;
+}
+
+TEST_F(Cli, EvaluateSetsSeveralResultsBesideEachOther) {
+    for (const char* name : {"a.tum", "b.tum", "truth.tum"})
+        write_text(folder_ / name, tum_rows(100, 30));
+    const ProgramResult result = run("evaluate " + folder_ / "a.tum" + " " + folder_ / "b.tum" +
+                                     " --against " + folder_ / "truth.tum");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    for (const char* name : {"a.tum", "b.tum", "truth.tum", "position [m]"})
+        EXPECT_NE(result.out.find(name), std::string::npos) << result.out;
 }
 
 TEST_F(Cli, ForeignFile) {
@@ -136,7 +189,7 @@ TEST_F(Cli, ForeignFile) {
     expect_error("run " + file + output(), {file});
     expect_error("info " + file, {file});
     expect_error("render " + file + " -o " + folder_ / "x.png", {file});
-    expect_error("evaluate " + file + " --truth " + file, {file});
+    expect_error("evaluate " + file + " --against " + file, {file});
     expect_error("import asl " + file + " -o " + folder_ / "x.rawlog", {file});
     expect_error("simulate " + file + " -o " + folder_ / "x.rawlog", {file});
 }

@@ -48,7 +48,7 @@ class Recordings : public ::testing::Test {
 
     // Every image from 2 s after the first on has a pose.
     nlohmann::json evaluate_mh01() {
-        auto json = evaluate("--truth " + folder_ / "mh01.truth.tum" + " --rawlog " +
+        auto json = evaluate("--against " + folder_ / "mh01.truth.tum" + " --rawlog " +
                              folder_ / "mh01.rawlog" + " --start-offset 2");
         EXPECT_EQ(json["completion"]["share"].get<double>(), 1.0);
         EXPECT_LT(std::abs(json["scale_error"].get<double>()), 0.015);
@@ -93,7 +93,7 @@ TEST_F(Recordings, AprilBatchOverTwentySeconds) {
     import_april();
     run("run " + folder_ / "april.rawlog" + " --estimator batch --from 25 --to 45 --output " +
         folder_ / "out");
-    const auto json = evaluate("--truth " + folder_ / "board.tum");
+    const auto json = evaluate("--against " + folder_ / "board.tum");
     EXPECT_LT(json["position_m"]["rmse"].get<double>(), 0.010);
     EXPECT_LT(json["rotation_deg"]["rmse"].get<double>(), 0.5);
 }
@@ -103,7 +103,7 @@ TEST_F(Recordings, AprilRecursiveOverTheWhole) {
     if (IsSkipped()) return;
     import_april();
     run("run " + folder_ / "april.rawlog" + " --estimator iekf --output " + folder_ / "out");
-    const auto json = evaluate("--truth " + folder_ / "board.tum");
+    const auto json = evaluate("--against " + folder_ / "board.tum");
     EXPECT_LT(json["position_m"]["rmse"].get<double>(), 0.030);
     EXPECT_LT(json["rotation_deg"]["rmse"].get<double>(), 1.0);
 }

@@ -17,7 +17,7 @@ const std::string kTruth = kDatasets + "/demo.truth.tum";
 
 nlohmann::json evaluate(const std::string& result, const ScratchFolder& folder) {
     const ProgramResult evaluation = vio_slam(
-        "evaluate " + result + " --truth " + kTruth + " --align sim3 --json --rawlog " + kRawlog,
+        "evaluate " + result + " --against " + kTruth + " --align sim3 --json --rawlog " + kRawlog,
         folder.path().string());
     EXPECT_EQ(evaluation.exit_code, 0) << evaluation.err;
     return nlohmann::json::parse(evaluation.out, nullptr, false);

@@ -351,6 +351,78 @@ TEST(Evaluate, BadInputIsOneLineThatNamesItsPlace) {
     expect(between, good, "wider gap");
 }
 
+// The clocks differ; the path's speed makes the offset observable.
+TEST(Evaluate, FindsTheTimeOffset) {
+    const auto path = winding_path(201);
+    for (const double offset : {0.137, -0.05, 0.0004}) {
+        auto estimate = transformed(some_similarity(1), path);
+        for (TimedPose& row : estimate) row.t -= from_seconds(offset);
+        EvaluationOptions options;
+        options.time_offset_search_s = 0.3;
+        const Evaluation e = evaluate(estimate, path, options);
+        // Interpolation cuts the corners of the path by up to a h^2 / 8 = 1 mm at 50 ms; the offset
+        // that it moves is far smaller since the cuts cancel.
+        EXPECT_NEAR(e.time_offset_s, offset, 2e-4);
+        EXPECT_TRUE(e.time_offset_estimated);
+    }
+    EvaluationOptions options;
+    options.time_offset_search_s = 0.1;
+    auto late = path;
+    for (TimedPose& row : late) row.t += from_seconds(0.4);
+    const std::string message = message_of([&] { evaluate(late, path, options); });
+    EXPECT_NE(message.find("search farther"), std::string::npos) << message;
+}
+
+TEST(Evaluate, GapsOfTheTruthAreStatedAndNotBridged) {
+    const auto estimate = winding_path();
+    auto truth = estimate;
+    for (TimedPose& row : truth) row.t += 10'000'000;  // between the images
+    truth.erase(truth.begin() + 40, truth.begin() + 60);
+    const Evaluation e = evaluate(estimate, truth);
+    EXPECT_NEAR(e.max_gap_s, 0.125, kTight);
+    ASSERT_EQ(e.gaps.size(), 1u);
+    EXPECT_EQ(e.gaps[0].from, truth[39].t);
+    EXPECT_EQ(e.gaps[0].to, truth[40].t);
+    EXPECT_EQ(e.associated_poses, 101 - 1 - 21);  // the first image is before the truth
+    ASSERT_EQ(e.warnings.size(), 2u);
+    EXPECT_NE(e.warnings[1].find("1 gap of more than 0.125 s"), std::string::npos);
+}
+
+// An estimate that is too large by 1 % and turns too far by 2 mrad per metre on a straight road.
+TEST(Evaluate, DriftIsTheErrorByTheDistance) {
+    std::vector<TimedPose> truth, estimate;
+    for (int i = 0; i <= 200; ++i) {
+        const TimeNs t = i * TimeNs{100'000'000};
+        truth.push_back({t, {Eigen::Matrix3d::Identity(), {0.5 * i, 0, 0}}});
+        estimate.push_back({t, {so3::exp({0.001 * i, 0, 0}), {0.505 * i, 0, 0}}});
+    }
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kNone;
+    const Evaluation e = evaluate(estimate, truth, options);
+    ASSERT_EQ(e.rpe_distance.size(), 5u);
+    ASSERT_TRUE(e.drift.has_value());
+    EXPECT_NEAR(e.drift->translation, 0.01, kTight);
+    EXPECT_NEAR(e.drift->rotation, 0.002, kTight);
+}
+
+TEST(Evaluate, TableHasALineForEach) {
+    const auto truth = winding_path();
+    auto estimate = truth;
+    for (TimedPose& row : estimate) row.T_W_B.p *= 1.02;
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kSim3;
+    options.estimate_name = "first";
+    std::vector<Evaluation> evaluations = {evaluate(estimate, truth, options)};
+    options.estimate_name = "second";
+    options.truth_has_attitude = false;
+    evaluations.push_back(evaluate(truth, truth, options));
+    const std::string table = to_table(evaluations);
+    EXPECT_NE(table.find("first"), std::string::npos);
+    EXPECT_NE(table.find("+2.00"), std::string::npos) << table;
+    EXPECT_NE(table.find("second"), std::string::npos);
+    EXPECT_NE(table.find("alignment Sim(3)"), std::string::npos);
+}
+
 TEST(Evaluate, TruthInMillimetresIsPointedOut) {
     const auto estimate = winding_path();
     const auto truth = apply({1000, Eigen::Matrix3d::Identity(), {0, 0, 0}}, estimate);

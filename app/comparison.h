@@ -1,0 +1,46 @@
+// A result, folder or trajectory file, compared with references: what evaluate and report share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "libvio/evaluation/evaluate.h"
+#include "libvio/io/reference.h"
+
+namespace vio::app {
+
+struct ComparisonOptions {
+    std::vector<std::string> against;  ///< references, see read_reference
+    std::string alignment = "auto";    ///< auto | none | yaw | se3 | sim3
+    std::string rawlog;                ///< recording of the result, for completion; empty: none
+    std::vector<double> tracked;       ///< pose of what a file's truth tracks: x y z yaw pitch roll
+    std::vector<int> gps_qualities;
+    std::vector<double> gps_lever_arm;
+    EvaluationOptions evaluation;
+};
+
+/// Declares the options on a command.
+void add_options(CLI::App& command, ComparisonOptions& options, bool against_required);
+
+/// The references that the options name. Throws InputError.
+std::vector<Reference> read_references(const ComparisonOptions& options);
+
+/// A result as it is judged.
+struct JudgedResult {
+    std::string name;
+    std::vector<TimedPose> poses;
+    std::optional<std::vector<Matrix6d>> covariances;
+    bool has_scale = true;
+    int image_count = 0;  ///< of the recording, as the result tells; 0: it does not
+};
+
+/// Reads a results folder, or a trajectory in any layout of read_trajectory().
+JudgedResult read_judged(const std::string& result);
+
+/// Alignment auto: SE(3), or Sim(3) for a result without scale. Throws InputError as evaluate()
+/// does.
+Evaluation compare(const JudgedResult& result, const Reference& reference,
+                   const ComparisonOptions& options);
+
+}  // namespace vio::app

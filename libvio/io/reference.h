@@ -1,0 +1,38 @@
+// What a result is compared with: a trajectory as text, or the odometry or GPS of a rawlog.
+#pragma once
+
+#include <Eigen/Dense>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "libvio/geometry/pose.h"
+
+namespace vio {
+
+/// Motion known from elsewhere.
+struct Reference {
+    std::string name;              ///< as it was asked for
+    std::vector<TimedPose> poses;  ///< T_G_T of what is tracked, in order of time
+    bool has_attitude = true;      ///< false: rotations are the identity and mean nothing
+    Pose T_B_T;                    ///< pose of what is tracked, in the body frame
+    std::vector<std::string> notes;
+};
+
+struct ReferenceOptions {
+    /// GGA qualities of the fixes that are taken. Empty: all but 0 (none) and 6 (dead reckoning).
+    std::set<int> gps_qualities;
+    /// Antenna in the body frame [m]; otherwise the observation's own sensorPose.
+    std::optional<Eigen::Vector3d> gps_lever_arm;
+};
+
+/// Reads a trajectory in any layout of read_trajectory(), or from a rawlog, asked for as
+/// `FILE.rawlog:odometry` (CObservationOdometry, or the odometry increments of actions) or
+/// `FILE.rawlog:gps` (CObservationGPS with GGA message: WGS84 to east, north, up about the first
+/// fix that is taken). Throws InputError (file, place) for a missing or damaged file, a rawlog that
+/// holds nothing of the kind, and stamps that run backwards; repeated stamps are passed over and
+/// told in the notes.
+Reference read_reference(const std::string& source, const ReferenceOptions& options = {});
+
+}  // namespace vio
