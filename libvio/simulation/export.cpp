@@ -1,9 +1,11 @@
 #include "libvio/simulation/export.h"
 
+#include <cmath>
 #include <filesystem>
 #include <sstream>
 
 #include "libvio/base/errors.h"
+#include "libvio/io/calibration_file.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -41,21 +43,62 @@ void write_points(const Simulation& simulation, const std::string& file) {
     write_text(file, out.str());
 }
 
+void write_odometry(const Simulation& simulation, const std::string& file) {
+    std::ostringstream out;
+    out << "# Truth at the odometry messages: x, y [m], yaw [rad] of B from its first pose, on the "
+           "ground; slipping: 1 while the wheels spin\n# t_s,x,y,yaw,slipping\n";
+    const SimulatedOdometry& odometry = simulation.odometry();
+    for (size_t i = 0; i < odometry.messages.size(); ++i) {
+        const Pose& pose = odometry.truth[i];
+        out << format_seconds(odometry.messages[i].t) << "," << format(pose.p.x()) << ","
+            << format(pose.p.y()) << "," << format(std::atan2(pose.R(1, 0), pose.R(0, 0))) << ","
+            << odometry.slipping[i] << "\n";
+    }
+    write_text(file, out.str());
+}
+
+void write_gps(const Simulation& simulation, const std::string& file) {
+    std::ostringstream out;
+    out << "# Truth at the GPS fixes: position of B in W (east, north, up) [m]; error of the fix "
+           "[m]; changed: 1 where other satellites came into use\n"
+           "# t_s,x,y,z,error_x,error_y,error_z,changed\n";
+    const SimulatedGps& gps = simulation.gps();
+    for (size_t i = 0; i < gps.messages.size(); ++i) {
+        out << format_seconds(gps.messages[i].t);
+        append(out, gps.truth_enu[i]);
+        append(out, gps.error_enu[i]);
+        out << "," << gps.satellites_changed[i] << "\n";
+    }
+    write_text(file, out.str());
+}
+
+void write_image(const Simulation& simulation, int image_idx, RawlogWriter& writer) {
+    if (simulation.options().render)
+        writer.write(
+            ImageMessage{simulation.image_times()[image_idx], simulation.image(image_idx)});
+    if (simulation.options().tracks) writer.write(simulation.tracks().frames[image_idx]);
+}
+
 void write_rawlog(const Simulation& simulation, const std::string& file,
                   const std::function<void(double)>& progress) {
-    RawlogWriter writer(file, simulation.rig());
-    const auto& imu = simulation.imu();
-    const auto& times = simulation.image_times();
-    size_t reading = 0;
-    for (size_t i = 0; i < times.size(); ++i) {
-        for (; reading < imu.size() && imu[reading].t <= times[i]; ++reading)
-            writer.write(imu[reading]);
-        if (simulation.options().render)
-            writer.write(ImageMessage{times[i], simulation.image(static_cast<int>(i))});
-        if (simulation.options().tracks) writer.write(simulation.tracks().frames[i]);
-        if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(times.size()));
+    RawlogWriter writer(file, simulation.stated_rig());
+    const double images = static_cast<double>(simulation.image_times().size());
+    for (const StreamEntry& entry : simulation.stream()) {
+        switch (entry.kind) {
+            case StreamEntry::Kind::kImu:
+                writer.write(simulation.imu()[entry.index]);
+                break;
+            case StreamEntry::Kind::kOdometry:
+                writer.write(simulation.odometry().messages[entry.index]);
+                break;
+            case StreamEntry::Kind::kGps:
+                writer.write(simulation.gps().messages[entry.index]);
+                break;
+            case StreamEntry::Kind::kImage:
+                write_image(simulation, entry.index, writer);
+                if (progress) progress((entry.index + 1) / images);
+        }
     }
-    for (; reading < imu.size(); ++reading) writer.write(imu[reading]);
     writer.finish();
 }
 
@@ -74,6 +117,11 @@ void write_simulation(const Simulation& simulation, const std::string& rawlog_fi
     write_tum(beside(".truth.tum"), poses, "T_W_B, ground truth");
     write_states(simulation, beside(".truth_states.csv"));
     if (simulation.options().tracks) write_points(simulation, beside(".truth_points.csv"));
+    if (simulation.options().odometry.make)
+        write_odometry(simulation, beside(".truth_odometry.csv"));
+    if (simulation.options().gps.make) write_gps(simulation, beside(".truth_gps.csv"));
+    if (calibration_text(simulation.stated_rig()) != calibration_text(simulation.rig()))
+        write_text(beside(".truth_calibration.ini"), calibration_text(simulation.rig()));
     write_rawlog(simulation, rawlog_file, progress);
 }
 

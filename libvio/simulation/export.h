@@ -14,6 +14,8 @@ namespace vio {
 ///   X.truth.tum          T_W_B at the images, TUM format
 ///   X.truth_states.csv   velocity and biases at the images
 ///   X.truth_points.csv   the points behind the feature tracks
+///   X.truth_odometry.csv, X.truth_gps.csv   where there are such messages
+///   X.truth_calibration.ini   where the rawlog states another calibration
 /// `progress`, if given, is called with the share done, 0 to 1. Throws InputError if a file cannot
 /// be written or rawlog_file does not end in ".rawlog".
 void write_simulation(const Simulation& simulation, const std::string& rawlog_file,

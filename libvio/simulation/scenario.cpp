@@ -1,9 +1,10 @@
 #include "libvio/simulation/scenario.h"
 
-#include <array>
 #include <cmath>
-#include <filesystem>
+#include <numbers>
+#include <sstream>
 
+#include "libvio/geometry/so3.h"
 #include "libvio/io/sensor_text.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/simulation/scenario_text.h"
@@ -34,30 +35,37 @@ Eigen::Matrix3d random_gain(double scale_sigma, double misalignment_sigma, Rando
     return gain;
 }
 
-// Loads the included file, then this one.
-void load(const std::string& ini_file, OptionSet& set, ScenarioOptions& options, int depth) {
-    constexpr int kDeepest = 8;
-    if (depth > kDeepest)
-        throw InputError(ini_file + " [scenario] include: files include each other");
-    const std::filesystem::path folder = std::filesystem::path(ini_file).parent_path();
-    const auto load_this = [&] {
-        const std::array files{&options.recorded_file, &options.recorded_imu_file,
-                               &options.times_file};
-        std::array<std::string, files.size()> before;
-        for (size_t i = 0; i < files.size(); ++i) before[i] = *files[i];
-        set.load(ini_file);
-        for (size_t i = 0; i < files.size(); ++i)
-            if (!files[i]->empty() && *files[i] != before[i])
-                *files[i] = (folder / *files[i]).string();
+// The values with normal errors, as text.
+std::string with_errors(const std::string& values, const std::string& sigmas,
+                        const std::string& option, Random& random) {
+    std::vector<double> v = numbers_in(values, option);
+    const std::vector<double> sigma = numbers_in(sigmas, option);
+    if (sigma.size() > v.size())
+        throw InputError("scenario " + option + ": more spreads than values");
+    std::ostringstream text;
+    text.precision(17);
+    for (size_t i = 0; i < v.size(); ++i)
+        text << v[i] + (i < sigma.size() ? sigma[i] : 0) * random.normal() << " ";
+    return text.str();
+}
+
+Rig with_errors(const Rig& truth, const ScenarioOptions& options, Random& random) {
+    const CalibrationErrors& errors = options.calibration;
+    ScenarioOptions stated = options;
+    stated.intrinsics = with_errors(options.intrinsics, errors.intrinsics_sigma,
+                                    "[calibration] intrinsics_sigma", random);
+    stated.distortion = with_errors(options.distortion, errors.distortion_sigma,
+                                    "[calibration] distortion_sigma", random);
+    const auto moved = [&](const Pose& pose, double degrees, double metres) {
+        const Eigen::Vector3d turn = degrees * std::numbers::pi / 180 * random.normal3();
+        return Pose{pose.R * so3::exp(turn), pose.p + metres * random.normal3()};
     };
-    const ScenarioOptions fresh = options;
-    load_this();
-    if (options.include.empty()) return;
-    const std::string included = (folder / options.include).string();
-    options = fresh;
-    load(included, set, options, depth + 1);
-    load_this();
-    options.include.clear();
+    Rig rig = truth;
+    rig.camera = make_camera(stated);
+    rig.T_B_C = moved(truth.T_B_C, errors.camera_rotation_deg, errors.camera_position);
+    rig.T_B_I = moved(truth.T_B_I, errors.imu_rotation_deg, errors.imu_position);
+    rig.time_offset += errors.time_offset_error;
+    return rig;
 }
 
 Scene make_scene(const ScenarioOptions& options) {
@@ -74,130 +82,6 @@ TimeNs on_tick(double seconds) {
 }
 
 }  // namespace
-
-void ScenarioOptions::describe(OptionSet& set) {
-    set.section("scenario");
-    set.add("name", &name, "title");
-    set.add("include", &include,
-            "another scenario file whose values hold where this one gives none; relative to this "
-            "file's folder");
-    set.add("seed", &seed, "-", {0, 1e9}, "seed of everything that is random");
-    set.add("start_time", &start_time_s, "s", {0, 2e9}, "UNIX time at the trajectory's t = 0");
-    set.add("gravity", &gravity, "m/s^2", {0, 20}, "acceleration of gravity, along -z of W");
-
-    motion.describe(set);
-    set.add(
-        "recorded_file", &recorded_file,
-        "instead of waypoints: TUM text or EuRoC ground truth to move along, t = 0 at its first "
-        "pose; relative to this file's folder");
-    set.add("recorded_piece", &recorded_piece_s, "s", {1e-3, 10},
-            "length of the spline pieces fitted to recorded_file; longer is smoother");
-    set.add("recorded_rotation_error", &recorded_errors.rotation, "rad", {1e-6, 1},
-            "error of the poses in recorded_file, within which they give way to [imu] "
-            "recorded_file");
-    set.add("recorded_position_error", &recorded_errors.position, "m", {1e-6, 10},
-            "the same of the positions");
-
-    set.section("camera");
-    camera.describe(set);
-    set.add("width", &image_width, "px", {8, 8192}, "image width");
-    set.add("height", &image_height, "px", {8, 8192}, "image height");
-    set.add("intrinsics", &intrinsics,
-            "fx fy [px; fisheye px/rad, parabolic_mirror px/m] cx cy [px]");
-    set.add("distortion", &distortion,
-            "k1 k2 p1 p2 [k3 [k4 k5 k6]] [-], in OpenCV's order; fisheye: k1 k2 k3 k4");
-    set.add("pose", &camera_pose,
-            "x y z yaw pitch roll [m, deg] of the camera in the body (T_B_C)");
-    set.add("rate", &image_rate, "Hz", {0.01, 1000}, "images per second");
-    set.add("first_image", &first_image_s, "s", {-1e6, 1e6}, "trajectory time of the first image");
-    set.add("count", &image_count, "-", {0, 1e6}, "number of images; 0: to the trajectory's end");
-    set.add("times_file", &times_file,
-            "instead of rate: stamps of the images [ns], one a line, on the clock of [trajectory] "
-            "recorded_file");
-
-    set.section("images");
-    set.add("render", &render, "draw images");
-    set.add("samples", &rendering.samples, "-", {1, 8}, "rays per pixel and axis");
-    set.add("exposure", &rendering.exposure, "s", {0, 1}, "exposure time; its middle is stamped");
-    set.add("read_noise", &rendering.read_noise, "grey levels", {0, 100},
-            "noise in the dark, 1 sigma");
-    set.add("shot_noise", &rendering.shot_noise, "grey levels", {0, 100},
-            "noise at white, 1 sigma");
-    set.add("vignetting", &rendering.vignetting, "-", {0, 1}, "loss of light in the corners");
-    set.add("row_fill", &rendering.row_fill, "-", {0, 1},
-            "sensitive share of a row's height; 0.5: one field of an interlaced image");
-    set.add("grey_step", &rendering.grey_step, "grey levels", {1, 64}, "quantisation of intensity");
-
-    set.section("scene");
-    set.add("kind", &scene, Scene::kinds(), "what there is to see");
-    set.add("origin", &scene_origin, "x y z [m] of the scene's origin in W");
-    set.add("room_size", &room_size, "length along x and y and height of kind = room [m]");
-
-    set.section("imu");
-    set.add("pose", &imu_pose, "x y z yaw pitch roll [m, deg] of the IMU in the body (T_B_I)");
-    set.add("recorded_file", &recorded_imu_file,
-            "instead of simulated readings: rows t[ns], gyro x y z [rad/s], accelerometer x y z "
-            "[m/s^2], as in EuRoC's imu0/data.csv, taken along [trajectory] recorded_file");
-    set.add("rate", &imu_rate, "Hz", {1, 10000}, "readings per second");
-    set.add("jitter", &imu_jitter_s, "s", {0, 1}, "irregularity of the stamps, 1 sigma");
-    set.add("margin", &imu_margin_s, "s", {0, 100},
-            "readings begin and end this long before and after the images");
-    set.add("time_offset", &time_offset_s, "s", {-10, 10}, "t_imu = t_cam + time_offset");
-    set.add("gyro_noise_density", &imu.noise.gyro_noise_density, "rad/s/sqrt(Hz)", {0, 1},
-            "white noise");
-    set.add("accel_noise_density", &imu.noise.accel_noise_density, "m/s^2/sqrt(Hz)", {0, 10},
-            "white noise");
-    set.add("gyro_bias_random_walk", &imu.noise.gyro_bias_random_walk, "rad/s^2/sqrt(Hz)", {0, 1},
-            "random walk of the bias");
-    set.add("accel_bias_random_walk", &imu.noise.accel_bias_random_walk, "m/s^3/sqrt(Hz)", {0, 10},
-            "random walk of the bias");
-    set.add("gyro_bias_sigma", &gyro_bias_sigma, "rad/s", {0, 1},
-            "spread of the bias at the start, per axis");
-    set.add("accel_bias_sigma", &accel_bias_sigma, "m/s^2", {0, 10},
-            "spread of the bias at the start, per axis");
-    set.add("gyro_scale_sigma", &gyro_scale_sigma, "-", {0, 0.5},
-            "spread of the gyro's scale factors");
-    set.add("accel_scale_sigma", &accel_scale_sigma, "-", {0, 0.5},
-            "spread of the accelerometer's scale factors");
-    set.add("misalignment_sigma", &misalignment_sigma, "rad", {0, 0.5},
-            "spread of the misalignment of both sensors' axes");
-    set.add("gyro_limit", &imu.gyro_limit, "rad/s", {0, 1000}, "saturation per axis; 0: none");
-    set.add("accel_limit", &imu.accel_limit, "m/s^2", {0, 10000}, "saturation per axis; 0: none");
-    set.add("gyro_step", &imu.gyro_step, "rad/s", {0, 1}, "quantisation; 0: none");
-    set.add("accel_step", &imu.accel_step, "m/s^2", {0, 10}, "quantisation; 0: none");
-
-    set.section("tracks");
-    set.add("make", &tracks, "make feature tracks, true places plus the errors below");
-    set.add("most", &track_model.most, "-", {0, 1e5}, "features after extraction");
-    set.add("fewest", &track_model.fewest, "-", {0, 1e5},
-            "with fewer in sight, new ones are extracted");
-    set.add("spacing", &track_model.spacing_px, "px", {0, 1e4}, "least distance of new features");
-    set.add("border", &track_model.border_px, "px", {0, 1e4},
-            "features this near the edge are lost");
-    set.add("noise", &track_model.noise_px, "px", {0, 100}, "isotropic noise, 1 sigma per axis");
-    set.add("drift", &track_model.drift_px, "px", {0, 100},
-            "random walk per image and axis, 1 sigma");
-    set.add("loss_rate", &track_model.loss_rate, "-", {0, 1},
-            "probability of losing a feature, per image");
-    set.add("longest", &track_model.longest, "images", {0, 1e6},
-            "length after which a feature is lost; 0: none");
-    set.add("mistrack_rate", &track_model.mistrack_rate, "-", {0, 1},
-            "probability of a jump, per observation");
-    set.add("mistrack_size", &track_model.mistrack_px, "px", {0, 1e4},
-            "size of a jump, 1 sigma per axis");
-
-    paper.describe(set);
-}
-
-ScenarioOptions ScenarioOptions::from_file(const std::string& ini_file,
-                                           const std::vector<std::string>& assignments) {
-    ScenarioOptions options;
-    OptionSet set;
-    options.describe(set);
-    load(ini_file, set, options, 0);
-    for (const std::string& assignment : assignments) set.set(assignment);
-    return options;
-}
 
 Simulation::Simulation(const ScenarioOptions& options)
     : options_(options), g_W_(0, 0, -options.gravity), scene_(make_scene(options)) {
@@ -217,12 +101,11 @@ Simulation::Simulation(const ScenarioOptions& options)
     } else {
         make_recorded_imu();
     }
-    if (!options.tracks) return;
-    std::vector<Pose> T_W_C;
-    for (const StateEstimate& state : truth_) T_W_C.push_back(state.T_W_B * rig_.T_B_C);
-    Random random(static_cast<std::uint64_t>(options.seed), "tracks");
-    tracks_ =
-        simulate_tracks(scene_, *rig_.camera, image_times_, T_W_C, options.track_model, random);
+    make_tracks();
+    make_vehicle_sensors();
+    make_stream();
+    Random random(static_cast<std::uint64_t>(options.seed), "calibration");
+    stated_rig_ = with_errors(rig_, options, random);
 }
 
 Simulation::~Simulation() = default;
@@ -349,6 +232,54 @@ void Simulation::make_truth() {
         state.accel_bias = imu_.biases[reading].accel;
         truth_.push_back(state);
     }
+}
+
+void Simulation::make_tracks() {
+    if (!options_.tracks) return;
+    std::vector<Pose> T_W_C;
+    for (const StateEstimate& state : truth_) T_W_C.push_back(state.T_W_B * rig_.T_B_C);
+    Random random(static_cast<std::uint64_t>(options_.seed), "tracks");
+    tracks_ =
+        simulate_tracks(scene_, *rig_.camera, image_times_, T_W_C, options_.track_model, random);
+}
+
+void Simulation::make_vehicle_sensors() {
+    const auto seed = static_cast<std::uint64_t>(options_.seed);
+    const double begin = seconds(image_times_.front()), end = seconds(image_times_.back());
+    const auto times = [&](double rate) {
+        std::vector<double> all;
+        for (int k = 0; begin + k / rate <= end; ++k)
+            all.push_back(seconds(stamp(begin + k / rate)));
+        return all;
+    };
+    if (options_.odometry.make) {
+        Random random(seed, "odometry");
+        odometry_ = simulate_odometry(*trajectory_, times(options_.odometry.rate),
+                                      options_.odometry, random);
+        for (OdometryMessage& message : odometry_.messages)
+            message.t = stamp(to_seconds(message.t));
+    }
+    if (options_.gps.make) {
+        Random random(seed, "gps");
+        gps_ = simulate_gps(*trajectory_, times(options_.gps.rate), options_.gps, random);
+        for (GpsMessage& fix : gps_.messages) fix.t = stamp(to_seconds(fix.t));
+    }
+}
+
+void Simulation::make_stream() {
+    std::vector<StreamEntry> entries;
+    const auto add = [&](StreamEntry::Kind kind, const auto& messages, const auto& time_of) {
+        for (size_t i = 0; i < messages.size(); ++i)
+            entries.push_back({time_of(messages[i]), kind, static_cast<int>(i)});
+    };
+    const auto own_time = [](const auto& message) { return message.t; };
+    using Kind = StreamEntry::Kind;
+    add(Kind::kImu, imu_.readings, own_time);
+    add(Kind::kOdometry, odometry_.messages, own_time);
+    add(Kind::kGps, gps_.messages, own_time);
+    add(Kind::kImage, image_times_, [](TimeNs t) { return t; });
+    Random random(static_cast<std::uint64_t>(options_.seed), "messages");
+    stream_ = arranged(std::move(entries), options_.messages, random);
 }
 
 cv::Mat Simulation::image(int image_idx) const {

@@ -1,4 +1,4 @@
-// A simulated experiment: described by one INI file, made by one call.
+// A simulated experiment, made of its options by one call.
 #pragma once
 
 #include <functional>
@@ -9,67 +9,18 @@
 #include <vector>
 
 #include "libvio/base/estimate.h"
-#include "libvio/base/options.h"
 #include "libvio/camera/rig.h"
 #include "libvio/simulation/imu_simulator.h"
 #include "libvio/simulation/recorded.h"
 #include "libvio/simulation/renderer.h"
-#include "libvio/simulation/scenario_camera.h"
-#include "libvio/simulation/scenario_motion.h"
+#include "libvio/simulation/scenario_options.h"
 #include "libvio/simulation/scene.h"
-#include "libvio/simulation/statistics.h"
+#include "libvio/simulation/stream.h"
 #include "libvio/simulation/tracks.h"
 #include "libvio/simulation/trajectory.h"
+#include "libvio/simulation/vehicle_sensors.h"
 
 namespace vio {
-
-/// Values of a scenario file; describe() gives each one's unit and meaning. Lists are text, numbers
-/// separated by blanks.
-struct ScenarioOptions {
-    std::string name = "scenario";
-    std::string include;
-    int seed = 1;
-    int start_time_s = 1100000000;  ///< stamp of t = 0, UNIX time
-
-    ScenarioMotion motion;  ///< unless recorded_file is given
-    std::string recorded_file;
-    double recorded_piece_s = 0.05;
-    RecordedPathErrors recorded_errors;
-
-    int image_width = 640, image_height = 240;
-    std::string intrinsics = "834.18 419.88 317.34 105.30";
-    std::string distortion = "-0.290 0.557 -0.00621 -0.00066";
-    ScenarioCamera camera;  ///< model, and what belongs to it
-    std::string camera_pose = "0 0 0 0 0 180";
-    double image_rate = 30;
-    double first_image_s = 0;
-    int image_count = 0;
-    std::string times_file;
-    bool render = true;
-    RenderOptions rendering;
-
-    std::string scene = "arm_cell", scene_origin = "0 0 0", room_size = "8 6 3";
-
-    std::string imu_pose = "0 0 0 0 0 0";
-    double imu_rate = 170, imu_jitter_s = 0, imu_margin_s = 0.1, time_offset_s = 0;
-    std::string recorded_imu_file;
-    ImuErrors imu;
-    double gyro_bias_sigma = 0.01, accel_bias_sigma = 0.1;
-    double gyro_scale_sigma = 0, accel_scale_sigma = 0, misalignment_sigma = 0;
-    double gravity = 9.81;
-
-    bool tracks = false;
-    TrackModel track_model;
-
-    ExperimentStatistics paper;  ///< of the experiment that is imitated
-
-    void describe(OptionSet& options);
-    /// Reads a scenario file, after the one that it includes if any, and then the assignments
-    /// "section.name=value". Relative names of files count from the folder of the file that has
-    /// them. Throws InputError as OptionSet::load and set do.
-    static ScenarioOptions from_file(const std::string& ini_file,
-                                     const std::vector<std::string>& assignments = {});
-};
 
 /// A scenario made: everything but the images is held in memory, those are drawn when asked for.
 class Simulation {
@@ -81,6 +32,8 @@ class Simulation {
     const ScenarioOptions& options() const { return options_; }
     /// True calibration.
     const Rig& rig() const { return rig_; }
+    /// Calibration as the rawlog states it, with options().calibration's errors.
+    const Rig& stated_rig() const { return stated_rig_; }
     const Trajectory& trajectory() const { return *trajectory_; }
     const Scene& scene() const { return scene_; }
     const Eigen::Vector3d& g_W() const { return g_W_; }
@@ -98,6 +51,12 @@ class Simulation {
     /// Empty frames unless options().tracks.
     const SimulatedTracks& tracks() const { return tracks_; }
 
+    /// No messages unless asked for.
+    const SimulatedOdometry& odometry() const { return odometry_; }
+    const SimulatedGps& gps() const { return gps_; }
+    /// All messages as they are recorded, by index in image_times(), imu() and so on.
+    const std::vector<StreamEntry>& stream() const { return stream_; }
+
     /// 8-bit grey image.
     cv::Mat image(int image_idx) const;
 
@@ -112,9 +71,12 @@ class Simulation {
     void make_imu();
     void make_recorded_imu();
     void make_truth();
+    void make_tracks();
+    void make_vehicle_sensors();
+    void make_stream();
 
     ScenarioOptions options_;
-    Rig rig_;
+    Rig rig_, stated_rig_;
     Eigen::Vector3d g_W_;
     TimeNs start_ = 0;  ///< stamp of the trajectory's t = 0
     std::unique_ptr<const Trajectory> trajectory_;
@@ -125,6 +87,9 @@ class Simulation {
     SimulatedImu imu_;
     std::optional<SmoothedPath> smoothed_path_;
     SimulatedTracks tracks_;
+    SimulatedOdometry odometry_;
+    SimulatedGps gps_;
+    std::vector<StreamEntry> stream_;
     mutable std::unique_ptr<Renderer> renderer_;  ///< made with the first image
 };
 

@@ -111,6 +111,17 @@ class Builder {
         solid(upright(x, y, h, yaw), {a, b, h});
     }
 
+    /// Hills all around, at distances and of half widths within the limits.
+    void hills(int n, double nearest, double furthest, double smallest, double largest) {
+        for (int i = 0; i < n; ++i) {
+            const double angle = random_.uniform(0, 6.2831853),
+                         r = random_.uniform(nearest, furthest);
+            const double size = random_.uniform(smallest, largest);
+            solid(upright(r * std::cos(angle), r * std::sin(angle), -0.2 * size, angle),
+                  {size, 1.5 * size, random_.uniform(0.3, 0.7) * size}, Solid::Shape::kEllipsoid);
+        }
+    }
+
  private:
     std::vector<Solid>& solids_;
     std::vector<std::shared_ptr<const Texture>>& textures_;
@@ -155,23 +166,22 @@ void make_outdoor(Builder& build) {
         build.solid(upright(x, y, 0.2 * half.z(), random.uniform(0, 3.14)), half,
                     Solid::Shape::kEllipsoid);
     }
-    for (int i = 0; i < 60; ++i) {  // hills on the horizon
-        const double angle = random.uniform(0, 6.2831853), r = random.uniform(120, 350);
-        const double size = random.uniform(10, 40);
-        build.solid(upright(r * std::cos(angle), r * std::sin(angle), -0.2 * size, angle),
-                    {size, 1.5 * size, random.uniform(0.3, 0.7) * size}, Solid::Shape::kEllipsoid);
-    }
+    build.hills(60, 120, 350, 10, 40);
 }
 
 }  // namespace
 
 const std::vector<std::string>& Scene::kinds() {
-    static const std::vector<std::string> all{"arm_cell", "room", "crane_hall", "outdoor"};
+    static const std::vector<std::string> all{"arm_cell", "room",  "crane_hall",
+                                              "outdoor",  "plane", "far_hills"};
     return all;
 }
 
 Scene Scene::make(const std::string& kind, std::uint64_t seed, const SceneLayout& layout) {
-    const double texel = kind == "arm_cell" ? 0.0025 : kind == "room" ? 0.003 : 0.008;
+    const double texel = kind == "arm_cell"    ? 0.0025
+                         : kind == "room"      ? 0.003
+                         : kind == "far_hills" ? 0.5
+                                               : 0.008;
     Scene scene;
     Builder build(scene.solids_, scene.textures_, seed, texel);
     if (kind == "arm_cell")
@@ -182,9 +192,13 @@ Scene Scene::make(const std::string& kind, std::uint64_t seed, const SceneLayout
         make_crane_hall(build);
     else if (kind == "outdoor")
         make_outdoor(build);
+    else if (kind == "plane")
+        build.ground(50);
+    else if (kind == "far_hills")
+        build.hills(90, 400, 900, 60, 160);
     else
         throw InputError("scenario [scene] kind: no scene '" + kind +
-                         "'; use arm_cell, room, crane_hall or outdoor");
+                         "'; use arm_cell, room, crane_hall, outdoor, plane or far_hills");
     for (Solid& solid : scene.solids_) solid.T_W_S.p += layout.origin;
     return scene;
 }

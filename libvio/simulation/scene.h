@@ -45,8 +45,9 @@ class Scene {
  public:
     /// Kinds: "arm_cell" (table with boxes, 0.7 to 1.5 m below a camera that looks down), "room"
     /// (of the layout's size, with furniture, origin at the middle of the floor), "crane_hall" (16
-    /// x 16 m floor with objects, 8 m high), "outdoor" (plane with rocks). The ground or table is
-    /// at z = 0. Throws InputError for another kind.
+    /// x 16 m floor with objects, 8 m high), "outdoor" (plane with rocks and hills), "plane" (bare
+    /// ground), "far_hills" (hills more than 300 m away, no ground). The ground or table is at z =
+    /// 0. Throws InputError for another kind.
     static Scene make(const std::string& kind, std::uint64_t seed, const SceneLayout& layout = {});
     static const std::vector<std::string>& kinds();
 

@@ -52,6 +52,7 @@ class TrackSimulator {
     void keep_visible() {
         std::erase_if(tracks_, [&](Track& track) {
             const auto uv = seen(track.followed_W);
+            if (!uv && model_.refind) lost_.push_back(track);
             if (!uv || (model_.longest > 0 && track.images >= model_.longest)) return true;
             if (model_.loss_rate > 0 && random_.uniform() < model_.loss_rate) return true;
             track.uv_px = *uv;
@@ -59,17 +60,34 @@ class TrackSimulator {
         });
     }
 
+    bool full() const { return static_cast<int>(tracks_.size()) >= model_.most; }
+
+    bool crowded(const Eigen::Vector2d& uv_px) const {
+        return std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& t) {
+            return (t.uv_px - uv_px).norm() < model_.spacing_px;
+        });
+    }
+
+    void take_up_lost() {
+        std::erase_if(lost_, [&](Track& track) {
+            if (full()) return false;
+            const auto uv = seen(track.followed_W);
+            if (!uv || crowded(*uv)) return false;
+            track.uv_px = *uv;
+            tracks_.push_back(track);
+            return true;
+        });
+    }
+
     void extract() {
         const double w = camera_.width() - 1 - 2 * model_.border_px;
         const double h = camera_.height() - 1 - 2 * model_.border_px;
+        take_up_lost();
         const int attempts = 20 * model_.most;
-        for (int i = 0; i < attempts && static_cast<int>(tracks_.size()) < model_.most; ++i) {
+        for (int i = 0; i < attempts && !full(); ++i) {
             const double u = random_.uniform(), v = random_.uniform();
             const Eigen::Vector2d uv(model_.border_px + w * u, model_.border_px + h * v);
-            const bool crowded = std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& t) {
-                return (t.uv_px - uv).norm() < model_.spacing_px;
-            });
-            if (crowded) continue;
+            if (crowded(uv)) continue;
             const auto point = surface_at(uv);
             if (!point || !seen(*point)) continue;
             Track track{next_id_++, *point};
@@ -99,6 +117,8 @@ class TrackSimulator {
             FeatureObservation observation;
             observation.feature_id = track.id;
             observation.uv_px = track.uv_px + track.drift_px + model_.noise_px * random_.normal2();
+            if (model_.outlier_rate > 0 && random_.uniform() < model_.outlier_rate)
+                observation.uv_px += model_.outlier_px * random_.normal2();
             frame.features.push_back(observation);
             ++track.images;
         }
@@ -110,12 +130,32 @@ class TrackSimulator {
     const TrackModel& model_;
     Random& random_;
     Pose T_W_C_;
-    std::vector<Track> tracks_;
+    std::vector<Track> tracks_, lost_;
     FeatureId next_id_ = 0;
     SimulatedTracks result_;
 };
 
 }  // namespace
+
+void TrackModel::describe(OptionSet& set) {
+    set.add("most", &most, "-", {0, 1e5}, "features after extraction");
+    set.add("fewest", &fewest, "-", {0, 1e5}, "with fewer in sight, new ones are extracted");
+    set.add("spacing", &spacing_px, "px", {0, 1e4}, "least distance of new features");
+    set.add("border", &border_px, "px", {0, 1e4}, "features this near the edge are lost");
+    set.add("noise", &noise_px, "px", {0, 100}, "isotropic noise, 1 sigma per axis");
+    set.add("drift", &drift_px, "px", {0, 100}, "random walk per image and axis, 1 sigma");
+    set.add("loss_rate", &loss_rate, "-", {0, 1}, "probability of losing a feature, per image");
+    set.add("refind", &refind,
+            "features that were lost and are in sight again are taken up, by their number, before "
+            "new ones: as where tracks are corrected by hand");
+    set.add("longest", &longest, "images", {0, 1e6},
+            "length after which a feature is lost; 0: none");
+    set.add("mistrack_rate", &mistrack_rate, "-", {0, 1}, "probability of a jump, per observation");
+    set.add("mistrack_size", &mistrack_px, "px", {0, 1e4}, "size of a jump, 1 sigma per axis");
+    set.add("outlier_rate", &outlier_rate, "-", {0, 1},
+            "probability of a gross error of one observation");
+    set.add("outlier_size", &outlier_px, "px", {0, 1e4}, "its size, 1 sigma per axis");
+}
 
 SimulatedTracks simulate_tracks(const Scene& scene, const Camera& camera,
                                 const std::vector<TimeNs>& times, const std::vector<Pose>& T_W_C,

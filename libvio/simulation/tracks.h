@@ -5,6 +5,7 @@
 #include <map>
 #include <vector>
 
+#include "libvio/base/options.h"
 #include "libvio/base/types.h"
 #include "libvio/camera/camera.h"
 #include "libvio/geometry/pose.h"
@@ -22,11 +23,18 @@ struct TrackModel {
     double noise_px = 1;     ///< isotropic standard deviation of each observation [px]
     double drift_px = 0;     ///< random walk of the tracked place, per image and axis [px]
     double loss_rate = 0;    ///< probability to lose a feature, per image
+    bool refind = false;     ///< lost features that are in sight again are taken up before new ones
     int longest = 0;         ///< images after which a feature is lost; 0: no limit
     /// Probability, per observation, that the tracker jumps to another place of the surface, and
     /// follows that from then on.
     double mistrack_rate = 0;
     double mistrack_px = 30;  ///< standard deviation of such a jump, per axis [px]
+    /// Probability, per observation, that this one is off; the next is right again.
+    double outlier_rate = 0;
+    double outlier_px = 30;  ///< standard deviation of that, per axis [px]
+
+    /// Adds its keys to the set's present section.
+    void describe(OptionSet& options);
 };
 
 struct SimulatedTracks {
