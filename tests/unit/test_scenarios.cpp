@@ -36,7 +36,8 @@ TEST_P(ImitatedExperiment, IdealReadingsIntegrateToTheTrueFinalPose) {
     EXPECT_LT(error.rotation_rad, 1e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenarios, ImitatedExperiment, ::testing::Values("crane.ini"));
+INSTANTIATE_TEST_SUITE_P(Scenarios, ImitatedExperiment,
+                         ::testing::Values("crane.ini", "rover.ini", "rover_sparse.ini"));
 
 TEST(StraightLegs, StopAtControlPointsAndKeepToTheLinesBetween) {
     const std::vector<Waypoint> corners{{1, {Eigen::Matrix3d::Identity(), {0, 0, 1}}},
