@@ -14,6 +14,7 @@
 #include "libvio/tracking/detector.h"
 #include "libvio/tracking/patch.h"
 #include "libvio/tracking/two_view.h"
+#include "libvio/tracking/valid_region.h"
 
 namespace vio {
 namespace {
@@ -23,7 +24,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kBorder_px = 10;        // new features keep away from the edge by this much
+constexpr double kBorder_px = 10;  // new features keep away from the edge by this much
+constexpr int kRimBorder_px = 5;   // and all from the edge of what sees the world, which stands
+constexpr double kFar = 1e3;       // [m]: rotation alone moves what is as far as this
 constexpr double kBlankDeviation = 2.5;  // standard deviation of grey values of a blank image
 constexpr double kBrightnessForgetting = 0.05, kMostGain = 4, kLeastGainChange = 0.02;
 // Share of the rotation error seen at one image that is taken over as the gyro's.
@@ -210,7 +213,7 @@ std::vector<Vector2d> FeatureTracker::Impl::predict(const std::optional<Matrix3d
     places.reserve(tracks.size());
     for (const Track& track : tracks) {
         std::optional<Vector2d> uv;
-        if (R) uv = camera->project(R->transpose() * track.f);
+        if (R) uv = camera->project(R->transpose() * (kFar * track.f));
         places.push_back(uv && camera->inside_image(*uv) ? *uv : track.uv);
     }
     return places;
@@ -381,6 +384,7 @@ FeatureTracker::FeatureTracker(const TrackerOptions& options, CameraPtr camera)
     if (!camera) throw InputError("tracker: no camera calibration; give the camera's intrinsics");
     impl_->options = options;
     impl_->camera = std::move(camera);
+    impl_->mask = valid_region(*impl_->camera, kRimBorder_px);
 }
 
 FeatureTracker::~FeatureTracker() = default;
@@ -392,7 +396,8 @@ FeatureFrame FeatureTracker::track(TimeNs t, const cv::Mat& image,
 
 void FeatureTracker::set_mask(const cv::Mat& mask) {
     check_image(mask, *impl_->camera, "feature mask");
-    impl_->mask = mask.clone();
+    const cv::Mat valid = valid_region(*impl_->camera, kRimBorder_px);
+    impl_->mask = valid.empty() ? mask.clone() : cv::Mat(mask & valid);
 }
 
 void FeatureTracker::end_tracks(const std::vector<FeatureId>& ids) {

@@ -1,0 +1,45 @@
+#include <gtest/gtest.h>
+
+#include "libvio/camera/description.h"
+#include "libvio/tracking/valid_region.h"
+
+namespace vio {
+namespace {
+
+TEST(ValidRegion, IsTheMirrorWithoutItsMiddleAndItsEdges) {
+    CameraDescription d;
+    d.model = "equiangular_mirror";
+    d.lens = {640, 480, 2162, 2162, 319.5, 239.5, {}};
+    d.shape.apex_distance = 0.15;
+    d.shape.gain = 15;
+    d.shape.rim_radius = 0.0172;
+    d.shape.blind_radius = 0.004;
+    const CameraPtr camera = make_camera(d);
+    constexpr int kBorder = 5;
+    const cv::Mat region = valid_region(*camera, kBorder);
+    ASSERT_EQ(region.size(), cv::Size(640, 480));
+    int seeing = 0;
+    for (int v = 0; v < 480; v += 3)
+        for (int u = 0; u < 640; u += 3) {
+            const bool allowed = region.at<unsigned char>(v, u);
+            seeing += allowed;
+            bool all = true;
+            for (const Eigen::Vector2d& step :
+                 {Eigen::Vector2d(0, 0), Eigen::Vector2d(kBorder, 0), Eigen::Vector2d(-kBorder, 0),
+                  Eigen::Vector2d(0, kBorder), Eigen::Vector2d(0, -kBorder)})
+                all = all && camera->ray(Eigen::Vector2d(u, v) + step);
+            if (allowed) EXPECT_TRUE(all) << u << " " << v;
+        }
+    EXPECT_GT(seeing, 0.3 * (640 * 480) / 9.0);
+    EXPECT_FALSE(region.at<unsigned char>(240, 320));
+    EXPECT_FALSE(region.at<unsigned char>(5, 5));
+}
+
+TEST(ValidRegion, IsEmptyWhereAllPixelsSee) {
+    CameraDescription d;
+    d.lens = {64, 48, 50, 50, 32, 24, {}};
+    EXPECT_TRUE(valid_region(*make_camera(d), 5).empty());
+}
+
+}  // namespace
+}  // namespace vio
