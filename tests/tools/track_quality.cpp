@@ -1,0 +1,321 @@
+// How good feature tracks are, with the tracker's parts switched off one by one:
+//   vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] [--set tracker.KEY=VALUE]...
+// Judged by the true poses (T_W_B at the images): share of the observations whose epipolar error
+// against the track's first observation is under 2 px. With the scenario that the rawlog's images
+// were rendered from also by the true points: each track's first observation is cast onto the
+// scene, and every later one compared with that point's projection.
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libvio/evaluation/association.h"
+#include "libvio/io/trajectory_io.h"
+#include "libvio/simulation/scenario.h"
+#include "libvio/tracking/front_end.h"
+#include "libvio/tracking/two_view.h"
+
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using vio::FeatureFrame;
+using vio::FeatureId;
+using vio::Message;
+using vio::Pose;
+using vio::TimeNs;
+
+constexpr double kGood_px = 2, kGross_px = 5;
+// What is this near the image's edge or behind something else is not expected to be seen.
+constexpr double kBorder_px = 8;
+constexpr double kOcclusion_m = 0.02;
+
+struct Input {
+    vio::Rig rig;
+    std::vector<Message> messages;
+    std::map<TimeNs, Pose> T_W_C;  // at each image with truth
+};
+
+Input read_input(const std::string& rawlog, const std::string& truth_file) {
+    vio::Recording recording(rawlog);
+    Input input{recording.rig(), {}, {}};
+    std::vector<vio::TimedPose> images;
+    while (auto message = recording.next()) {
+        if (const auto* image = std::get_if<vio::ImageMessage>(&*message))
+            images.push_back({image->t, {}});
+        input.messages.push_back(std::move(*message));
+    }
+    constexpr TimeNs kMaxGap = 100'000'000;
+    for (const auto& pair : vio::associate(images, vio::read_trajectory(truth_file), kMaxGap))
+        input.T_W_C[images[pair.estimate_idx].t] = pair.truth * input.rig.T_B_C;
+    return input;
+}
+
+// ---- Trackers ---------------------------------------------------------------------------------
+
+struct Run {
+    std::vector<FeatureFrame> frames;
+    double seconds = 0;
+    vio::TrackerReport lost;  // sums over the images
+};
+
+Run run_tracker(const Input& input, const vio::TrackerOptions& options, bool use_gyro) {
+    vio::TrackingFrontEnd front_end(options, input.rig, use_gyro);
+    Run run;
+    const auto take = [&](std::vector<FeatureFrame> frames) {
+        for (FeatureFrame& frame : frames) run.frames.push_back(std::move(frame));
+    };
+    const int64 begin = cv::getTickCount();
+    for (const Message& message : input.messages) {
+        const std::size_t before = run.frames.size();
+        take(front_end.add(message));
+        if (run.frames.size() == before) continue;
+        const vio::TrackerReport& r = front_end.tracker().report();
+        run.lost.lost_flow += r.lost_flow;
+        run.lost.lost_round_trip += r.lost_round_trip;
+        run.lost.lost_look += r.lost_look;
+        run.lost.lost_geometry += r.lost_geometry;
+    }
+    take(front_end.finish());
+    run.seconds = static_cast<double>(cv::getTickCount() - begin) / cv::getTickFrequency();
+    return run;
+}
+
+// OpenCV's corners and its Lucas-Kanade tracker from image to image, with nothing else.
+Run run_plain_lk(const Input& input, const vio::TrackerOptions& options) {
+    Run run;
+    cv::Mat previous;
+    std::vector<cv::Point2f> places;
+    std::vector<FeatureId> ids;
+    FeatureId next_id = 0;
+    const int64 begin = cv::getTickCount();
+    for (const Message& message : input.messages) {
+        const auto* image = std::get_if<vio::ImageMessage>(&message);
+        if (!image) continue;
+        if (!places.empty()) {
+            std::vector<cv::Point2f> to;
+            std::vector<unsigned char> found;
+            std::vector<float> error;
+            cv::calcOpticalFlowPyrLK(previous, image->image, places, to, found, error,
+                                     {options.window_px, options.window_px},
+                                     options.pyramid_levels);
+            std::size_t kept = 0;
+            for (std::size_t i = 0; i < to.size(); ++i) {
+                if (!found[i] || !input.rig.camera->inside_image({to[i].x, to[i].y})) continue;
+                places[kept] = to[i];
+                ids[kept++] = ids[i];
+            }
+            places.resize(kept);
+            ids.resize(kept);
+        }
+        cv::Mat mask(image->image.size(), CV_8U, cv::Scalar(255));
+        for (const cv::Point2f& p : places)
+            cv::circle(mask, p, static_cast<int>(options.min_distance_px), 0, cv::FILLED);
+        const int wanted = options.max_features - static_cast<int>(places.size());
+        std::vector<cv::Point2f> corners;
+        if (wanted > 0)
+            cv::goodFeaturesToTrack(image->image, corners, wanted, options.corner_quality,
+                                    options.min_distance_px, mask);
+        for (const cv::Point2f& p : corners) {
+            places.push_back(p);
+            ids.push_back(next_id++);
+        }
+        FeatureFrame frame{image->t, {}};
+        for (std::size_t i = 0; i < places.size(); ++i)
+            frame.features.push_back({ids[i], {places[i].x, places[i].y}, {}});
+        run.frames.push_back(std::move(frame));
+        previous = image->image;
+    }
+    run.seconds = static_cast<double>(cv::getTickCount() - begin) / cv::getTickFrequency();
+    return run;
+}
+
+// ---- Judgement --------------------------------------------------------------------------------
+
+struct Sight {
+    int frame_idx = 0;
+    Vector2d uv;
+};
+
+std::map<FeatureId, std::vector<Sight>> by_track(const std::vector<FeatureFrame>& frames) {
+    std::map<FeatureId, std::vector<Sight>> tracks;
+    for (int i = 0; i < static_cast<int>(frames.size()); ++i)
+        for (const auto& f : frames[i].features) tracks[f.feature_id].push_back({i, f.uv_px});
+    return tracks;
+}
+
+double share(const std::vector<double>& values, const std::function<bool(double)>& is) {
+    if (values.empty()) return 0;
+    return static_cast<double>(std::count_if(values.begin(), values.end(), is)) /
+           static_cast<double>(values.size());
+}
+
+double median(std::vector<double> values) {
+    if (values.empty()) return 0;
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+// Epipolar errors [px] of every observation against the first of its track.
+std::vector<double> epipolar_errors(const Input& input, const Run& run) {
+    std::vector<double> errors;
+    const vio::Camera& camera = *input.rig.camera;
+    for (const auto& [id, sights] : by_track(run.frames)) {
+        const auto first = input.T_W_C.find(run.frames[sights[0].frame_idx].t);
+        const auto f1 = camera.ray(sights[0].uv);
+        if (first == input.T_W_C.end() || !f1) continue;
+        for (std::size_t k = 1; k < sights.size(); ++k) {
+            const auto now = input.T_W_C.find(run.frames[sights[k].frame_idx].t);
+            const auto f2 = camera.ray(sights[k].uv);
+            if (now == input.T_W_C.end() || !f2) continue;
+            const Pose T_C1_C2 = first->second.inverse() * now->second;
+            const Vector3d t = T_C1_C2.p.norm() > 1e-9 ? T_C1_C2.p.normalized() : Vector3d::UnitZ();
+            errors.push_back(
+                vio::two_view_residual({f1->direction, f2->direction}, T_C1_C2.R, t) /
+                camera.angular_resolution());
+        }
+    }
+    return errors;
+}
+
+// Where the scene's point p_W is in the image; nothing where it cannot be seen.
+std::optional<Vector2d> visible_at(const vio::Scene& scene, const vio::Camera& camera,
+                                   const Pose& T_W_C, const Vector3d& p_W) {
+    const auto uv = camera.project(T_W_C.inverse() * p_W);
+    if (!uv || !camera.inside_image(*uv, kBorder_px)) return std::nullopt;
+    const Vector3d way = p_W - T_W_C.p;
+    const auto hit = scene.cast(T_W_C.p, way.normalized());
+    if (hit && hit->distance < way.norm() - kOcclusion_m) return std::nullopt;
+    return uv;
+}
+
+struct PointErrors {
+    std::vector<double> px;          // of every observation but each track's first
+    std::vector<double> life_share;  // of each track: images seen / images in which it can be seen
+    double seen = 0, could = 0;      // sums of these
+};
+
+PointErrors point_errors(const Input& input, const vio::Simulation& simulation, const Run& run) {
+    PointErrors result;
+    const vio::Camera& camera = *input.rig.camera;
+    const vio::Scene& scene = simulation.scene();
+    const auto pose = [&](int i) { return input.T_W_C.at(run.frames[i].t); };
+    const int end = static_cast<int>(run.frames.size());
+    for (const auto& [id, sights] : by_track(run.frames)) {
+        const int begin = sights[0].frame_idx;
+        const auto ray = camera.ray(sights[0].uv);
+        if (!ray) continue;
+        const Vector3d direction = pose(begin).R * ray->direction;
+        const auto hit = scene.cast(pose(begin) * ray->origin, direction);
+        if (!hit) continue;
+        const Vector3d p_W = pose(begin) * ray->origin + hit->distance * direction;
+        for (std::size_t k = 1; k < sights.size(); ++k) {
+            const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p_W);
+            result.px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
+        }
+        if (begin + 1 == end) continue;
+        int visible = 1;
+        while (begin + visible < end && visible_at(scene, camera, pose(begin + visible), p_W))
+            ++visible;
+        const int life = std::min(visible, static_cast<int>(sights.size()));
+        if (visible < 2) continue;
+        result.life_share.push_back(static_cast<double>(life) / visible);
+        result.seen += life;
+        result.could += visible;
+    }
+    return result;
+}
+
+void print_header(bool has_scene) {
+    std::printf("%-26s %7s %7s %7s %7s %8s", "", "per img", "length", "median", "<2px e", "ms/img");
+    if (has_scene)
+        std::printf(" %8s %7s %7s %7s %7s %7s", "err med", "<2px", ">5px", "life", "median", "<1px");
+    std::printf("   tracks of 1, 2-4, 5-9, 10-19, 20-39, 40- images | lost: flow, return, look, "
+                "geometry\n");
+}
+
+void print_row(const std::string& name, const Input& input, const vio::Simulation* simulation,
+               const Run& run) {
+    const auto tracks = by_track(run.frames);
+    std::vector<double> lengths;
+    double observations = 0;
+    int histogram[6] = {};
+    for (const auto& [id, sights] : tracks) {
+        const auto n = sights.size();
+        lengths.push_back(static_cast<double>(n));
+        observations += static_cast<double>(n);
+        ++histogram[n < 2 ? 0 : n < 5 ? 1 : n < 10 ? 2 : n < 20 ? 3 : n < 40 ? 4 : 5];
+    }
+    const auto images = static_cast<double>(run.frames.size());
+    std::printf("%-26s %7.1f %7.1f %7.0f %6.2f%% %8.2f", name.c_str(), observations / images,
+                observations / static_cast<double>(tracks.size()), median(lengths),
+                100 * share(epipolar_errors(input, run), [](double e) { return e < kGood_px; }),
+                1e3 * run.seconds / images);
+    if (simulation) {
+        const PointErrors e = point_errors(input, *simulation, run);
+        std::printf(" %8.3f %6.2f%% %6.2f%% %6.1f%% %6.1f%% %6.2f%%", median(e.px),
+                    100 * share(e.px, [](double px) { return px < kGood_px; }),
+                    100 * share(e.px, [](double px) { return px > kGross_px; }),
+                    100 * e.seen / e.could, 100 * median(e.life_share),
+                    100 * share(e.px, [](double px) { return px < 1; }));
+    }
+    std::printf("   %d %d %d %d %d %d | %d %d %d %d\n", histogram[0], histogram[1], histogram[2],
+                histogram[3], histogram[4], histogram[5], run.lost.lost_flow,
+                run.lost.lost_round_trip, run.lost.lost_look, run.lost.lost_geometry);
+}
+
+int measure(const std::vector<std::string>& files, const std::vector<std::string>& assignments) {
+    cv::setNumThreads(1);
+    vio::TrackerOptions options;
+    vio::OptionSet declared;
+    options.describe(declared);
+    for (const std::string& assignment : assignments) declared.set(assignment);
+    const Input input = read_input(files[0], files[1]);
+    std::optional<vio::Simulation> simulation;
+    if (files.size() > 2) simulation.emplace(vio::ScenarioOptions::from_file(files[2]));
+    const vio::Simulation* truth = simulation ? &*simulation : nullptr;
+
+    print_header(truth != nullptr);
+    const auto row = [&](const std::string& name, auto change, bool use_gyro = true) {
+        vio::TrackerOptions changed = options;
+        change(changed);
+        print_row(name, input, truth, run_tracker(input, changed, use_gyro));
+    };
+    row("all parts", [](auto&) {});
+    row("no gyro", [](auto&) {}, false);
+    row("no first appearance", [](auto& o) { o.realign = false; });
+    row("no geometry", [](auto& o) { o.epipolar_px = 100, o.long_gap = 0; });
+    print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
+    return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    std::vector<std::string> files, assignments;
+    for (int i = 1; i < argc; ++i) {
+        const std::string argument = argv[i];
+        if (argument == "--set" && i + 1 < argc)
+            assignments.push_back(argv[++i]);
+        else
+            files.push_back(argument);
+    }
+    if (files.size() < 2 || files.size() > 3) {
+        std::fprintf(stderr,
+                     "usage: vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] "
+                     "[--set tracker.KEY=VALUE]...\n");
+        return 2;
+    }
+    try {
+        return measure(files, assignments);
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "vio_track_quality: %s\n", error.what());
+        return 1;
+    }
+}
