@@ -76,3 +76,14 @@ if [[ -d $DATA/euroc_imu_april ]]; then
         --fiducials "$DATA/euroc_imu_april/target.csv"
     row "board, IEKF, 72 s" "${april[@]}" 0 --estimator iekf
 fi
+
+echo
+echo "Tracks (legend: tests/tools/track_quality.cpp)"
+readonly TRACKS=build/release/tests/vio_track_quality
+"$TRACKS" datasets/demo.rawlog datasets/demo.truth.tum datasets/demo.ini
+if [[ -d $DATA/euroc_mh01_15s ]]; then
+    echo "MH_01, against the recorded truth"
+    "$TRACKS" "$OUT/mh01.rawlog" "$OUT/mh01.truth.tum"
+    echo "MH_01, against the batch estimate"
+    "$TRACKS" "$OUT/mh01.rawlog" "$OUT/MH_01_15_s__batch/trajectory.tum"
+fi

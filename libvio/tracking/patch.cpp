@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace vio {
 namespace {
@@ -14,6 +15,8 @@ constexpr double kLargestAxisRatio = 4;
 // Weight of staying with the affine shape of the previous image, relative to the texture: the shape
 // changes slowly, and a free shape lets noise in.
 constexpr double kShapeInertia = 3;
+constexpr float kWeakestMatch = 0.7F;  // correlation at half size
+constexpr float kLeastLead = 0.1F;     // of the best place over any other
 
 // Bilinear samples at uv + A (i, j), row by row. False if any lies outside the image.
 bool sample(const cv::Mat& image, const Eigen::Vector2d& uv, const Eigen::Matrix2d& A, int half,
@@ -57,6 +60,13 @@ const Eigen::Matrix<float, Patch::kPixels, 1>& root_weights() {
     return weights;
 }
 
+// To zero mean and unit norm.
+template <typename Values>
+void normalise(Values& values) {
+    values.array() -= values.mean();
+    values /= std::max(1e-6F, values.norm());
+}
+
 }  // namespace
 
 std::optional<Patch> Patch::cut(const cv::Mat& image, const Eigen::Vector2d& uv_px) {
@@ -72,6 +82,16 @@ std::optional<Patch> Patch::cut(const cv::Mat& image, const Eigen::Vector2d& uv_
             const float x = static_cast<float>(i) / kHalf, y = static_cast<float>(j) / kHalf;
             patch.J_.row(k) << gx * x, gx * y, gy * x, gy * y, gx, gy, v[0], 1;
         }
+    // As the pyramid makes its levels, but with the binomial window 1 2 1.
+    k = 0;
+    for (int j = -2 * kCoarseHalf; j <= 2 * kCoarseHalf; j += 2)
+        for (int i = -2 * kCoarseHalf; i <= 2 * kCoarseHalf; i += 2, ++k) {
+            const float* v = values + (j + kHalf + 1) * kWide + (i + kHalf + 1);
+            const float sides = v[-1] + v[1] + v[-kWide] + v[kWide];
+            const float corners = v[-kWide - 1] + v[-kWide + 1] + v[kWide - 1] + v[kWide + 1];
+            patch.coarse_[k] = 4 * v[0] + 2 * sides + corners;
+        }
+    normalise(patch.coarse_);
     patch.J_.array().colwise() *= root_weights().array();
     Eigen::Matrix<double, kColumns, kColumns> normal =
         (patch.J_.transpose() * patch.J_).cast<double>();
@@ -123,6 +143,37 @@ std::optional<Patch::Alignment> Patch::align(const cv::Mat& image, const Eigen::
             return result;
         }
     }
+}
+
+std::optional<Eigen::Vector2d> Patch::search(const cv::Mat& half, const Eigen::Vector2d& uv_px,
+                                             const Eigen::Matrix2d& A,
+                                             const Eigen::Matrix2d& region) const {
+    const Eigen::Matrix2d information = region.inverse();
+    const int reach_x = static_cast<int>(1.5 * std::sqrt(region(0, 0)));
+    const int reach_y = static_cast<int>(1.5 * std::sqrt(region(1, 1)));
+    struct Candidate {
+        float correlation;
+        Eigen::Vector2d step;
+    };
+    std::vector<Candidate> candidates;
+    CoarseValues seen;
+    for (int y = -reach_y; y <= reach_y; ++y)
+        for (int x = -reach_x; x <= reach_x; ++x) {
+            const Eigen::Vector2d step(2 * x, 2 * y);
+            if (step.dot(information * step) > 9) continue;
+            if (!sample(half, 0.5 * (uv_px + step), A, kCoarseHalf, seen.data())) continue;
+            normalise(seen);
+            candidates.push_back({seen.dot(coarse_), step});
+        }
+    const auto best = std::max_element(
+        candidates.begin(), candidates.end(),
+        [](const Candidate& a, const Candidate& b) { return a.correlation < b.correlation; });
+    if (best == candidates.end() || best->correlation < kWeakestMatch) return std::nullopt;
+    for (const Candidate& other : candidates)
+        if ((other.step - best->step).norm() > kHalf &&
+            other.correlation > best->correlation - kLeastLead)
+            return std::nullopt;
+    return uv_px + best->step;
 }
 
 Eigen::Matrix2d covariance_shape(const Eigen::Matrix2d& structure_tensor,

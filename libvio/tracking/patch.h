@@ -30,6 +30,14 @@ class Patch {
     std::optional<Alignment> align(const cv::Mat& image, const Eigen::Vector2d& uv_px,
                                    const Eigen::Matrix2d& A) const;
 
+    /// Where the patch is in the image of half size (pixel (x, y) there is (2x, 2y) in the image),
+    /// to about a pixel: the place of best normalised correlation among the pixels of that image
+    /// whose distance d to uv_px, in the image, has d^T region^-1 d <= 9. Nothing if the best place
+    /// correlates badly or another one almost as well.
+    std::optional<Eigen::Vector2d> search(const cv::Mat& half, const Eigen::Vector2d& uv_px,
+                                          const Eigen::Matrix2d& A,
+                                          const Eigen::Matrix2d& region) const;
+
     /// Sum of the outer products of the grey-value gradient over the patch.
     const Eigen::Matrix2d& structure_tensor() const { return structure_; }
 
@@ -40,6 +48,9 @@ class Patch {
     Eigen::Matrix<float, kPixels, kColumns> J_;  ///< weighted derivatives; column kGain: the values
     Eigen::Matrix<double, kColumns, kColumns> normal_inverse_;
     Eigen::Matrix2d structure_;
+    static constexpr int kCoarseHalf = 3, kCoarseSide = 2 * kCoarseHalf + 1;
+    using CoarseValues = Eigen::Matrix<float, kCoarseSide * kCoarseSide, 1>;
+    CoarseValues coarse_;  ///< at half size; zero mean, unit norm
 };
 
 /// Shape of the measurement covariance that texture with this structure tensor gives after the

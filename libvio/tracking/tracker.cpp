@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <deque>
-#include <map>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <string>
@@ -13,8 +11,8 @@
 #include "libvio/geometry/so3.h"
 #include "libvio/tracking/detector.h"
 #include "libvio/tracking/patch.h"
-#include "libvio/tracking/two_view.h"
 #include "libvio/tracking/valid_region.h"
+#include "libvio/tracking/view_history.h"
 
 namespace vio {
 namespace {
@@ -31,19 +29,15 @@ constexpr double kBlankDeviation = 2.5;  // standard deviation of grey values of
 constexpr double kBrightnessForgetting = 0.05, kMostGain = 4, kLeastGainChange = 0.02;
 // Share of the rotation error seen at one image that is taken over as the gyro's.
 constexpr double kRotationRateGain = 0.1;
+constexpr double kSearch_px2 = 4;  // variance of where a missed feature is expected
 
 struct Track {
     FeatureId id = -1;
-    Vector2d uv;
+    Vector2d uv;                  ///< in the newest image, predicted if missed > 0
     Vector3d f;                   ///< direction of its ray in the camera frame
     Matrix2d A;                   ///< shape relative to the first appearance
     std::unique_ptr<Patch> look;  ///< first appearance
-};
-
-/// Rays of one image, to check later ones against.
-struct PastView {
-    std::map<FeatureId, Vector3d> rays;
-    std::optional<Matrix3d> R_next;  ///< rotation from this image to the next
+    int missed = 0;               ///< images since it was last seen
 };
 
 class Stopwatch {
@@ -92,8 +86,8 @@ void TrackerOptions::describe(OptionSet& options) {
                 "weakest corner, as a share of the image's strongest");
     options.add("window_px", &window_px, "px", {5, 101}, "side of the Lucas-Kanade window");
     options.add("pyramid_levels", &pyramid_levels, "", {1, 8}, "halvings of the image");
-    options.add("round_trip_px", &round_trip_px, "px", {0.01, 100},
-                "largest error of tracking forward and back");
+    options.add("patience", &patience, "images", {0, 100},
+                "images that a feature may be missed in before its track ends");
     options.add("epipolar_px", &epipolar_px, "px", {0.1, 100},
                 "largest error in the geometry of two images");
     options.add("long_gap", &long_gap, "images", {0, 1000},
@@ -106,7 +100,19 @@ void TrackerOptions::describe(OptionSet& options) {
     options.add("seed", &seed, "", {0, 2147483647}, "of the random sampling");
 }
 
+// Where a feature is expected in a new image, and its shape there.
+struct Expectation {
+    Vector2d uv;
+    Matrix2d A;
+};
+
 struct FeatureTracker::Impl {
+    Impl(const TrackerOptions& o, CameraPtr c)
+        : options(o),
+          camera(std::move(c)),
+          history(o.long_gap, o.epipolar_px * camera->angular_resolution(),
+                  static_cast<unsigned long long>(o.seed)) {}
+
     TrackerOptions options;
     CameraPtr camera;
     cv::Mat mask;
@@ -114,7 +120,7 @@ struct FeatureTracker::Impl {
 
     std::vector<cv::Mat> pyramid, previous_pyramid;
     std::vector<Track> tracks;
-    std::deque<PastView> past;  // newest last; the previous image is its last
+    ViewHistory history;
     std::optional<TimeNs> last_image;
     TimeNs last_tracked = 0;
     std::optional<Matrix3d> R_since_tracked = Matrix3d::Identity();  // over blank images
@@ -123,19 +129,27 @@ struct FeatureTracker::Impl {
     double usual_brightness = 0;  // mean grey value, slow average
     FeatureId next_id = 0;
 
+    // Of the image in work, one for each track.
+    std::vector<Expectation> expected;
+    std::vector<char> seen;
+
     FeatureFrame track(TimeNs t, const cv::Mat& image, const std::optional<Matrix3d>& R_given);
     void admit(TimeNs t, const cv::Mat& image) const;
     std::optional<Matrix3d> corrected_rotation(TimeNs t, const std::optional<Matrix3d>& R_given);
     void build_pyramid(const cv::Mat& image);
-    std::vector<Vector2d> predict(const std::optional<Matrix3d>& R) const;
-    void flow(const std::vector<Vector2d>& predicted);
-    void realign();
-    std::optional<Matrix3d> verify(TimeNs t, const std::optional<Matrix3d>& R);
-    void verify_long(const std::optional<Matrix3d>& R);
-    std::optional<TwoViewMotion> check_against(const PastView& view,
-                                               const std::optional<Matrix3d>& R);
+    void expect(const std::optional<Matrix3d>& R);
+    void flow();
+    bool align(Track& track, const Vector2d& uv, const Matrix2d& A) const;
+    void align_all();
+    void search_missed();
+    Vector2d neighbours_motion(const Vector2d& uv, const std::vector<std::size_t>& found) const;
+    bool admissible(Track& track) const;
+    void verify(TimeNs t, std::optional<Matrix3d> R);
+    void end_missed();
     void detect();
     void remember(TimeNs t);
+    std::vector<FeatureRay> seen_rays() const;
+    cv::Mat half_image() const;
     FeatureFrame frame(TimeNs t) const;
     template <typename Keep>
     int keep_if(const Keep& keep);
@@ -148,16 +162,18 @@ FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
     report = {.ended_by_caller = report.ended_by_caller};
     report.before = static_cast<int>(tracks.size());
     Stopwatch watch;
-    std::optional<Matrix3d> R = corrected_rotation(t, R_given);
+    const std::optional<Matrix3d> R = corrected_rotation(t, R_given);
     build_pyramid(image);
     watch.lap(report.seconds_pyramid);
     if (report.blank) return {t, {}};
-    flow(predict(R));
+    expect(R);
+    flow();
     watch.lap(report.seconds_flow);
-    realign();
+    align_all();
+    search_missed();
     watch.lap(report.seconds_realign);
-    R = verify(t, R);
-    verify_long(R);
+    verify(t, R);
+    end_missed();
     watch.lap(report.seconds_geometry);
     detect();
     watch.lap(report.seconds_detect);
@@ -208,133 +224,162 @@ void FeatureTracker::Impl::build_pyramid(const cv::Mat& image) {
                                 cv::BORDER_CONSTANT, false);
 }
 
-std::vector<Vector2d> FeatureTracker::Impl::predict(const std::optional<Matrix3d>& R) const {
-    std::vector<Vector2d> places;
-    places.reserve(tracks.size());
+// As far points move: R turns the rays, and with them the shapes.
+void FeatureTracker::Impl::expect(const std::optional<Matrix3d>& R) {
+    expected.clear();
     for (const Track& track : tracks) {
-        std::optional<Vector2d> uv;
-        if (R) uv = camera->project(R->transpose() * (kFar * track.f));
-        places.push_back(uv && camera->inside_image(*uv) ? *uv : track.uv);
+        expected.push_back({track.uv, track.A});
+        if (!R) continue;
+        const auto turned = [&](const Vector2d& uv) -> std::optional<Vector2d> {
+            const auto ray = camera->ray(uv);
+            if (!ray) return std::nullopt;
+            return camera->project(R->transpose() * (kFar * ray->direction));
+        };
+        constexpr double kStep_px = 2;
+        const auto uv = turned(track.uv);
+        const auto right = turned(track.uv + Vector2d(kStep_px, 0));
+        const auto down = turned(track.uv + Vector2d(0, kStep_px));
+        if (!uv || !right || !down) continue;
+        Matrix2d turn;
+        turn << (*right - *uv) / kStep_px, (*down - *uv) / kStep_px;
+        expected.back() = {*uv, turn * track.A};
     }
-    return places;
 }
 
-// Forward, then back from where that ended, each starting at its prediction.
-void FeatureTracker::Impl::flow(const std::vector<Vector2d>& predicted) {
-    if (tracks.empty()) return;
-    std::vector<Vector2d> places;
-    for (const Track& track : tracks) places.push_back(track.uv);
+// Frame to frame, for the tracks that the previous image showed.
+void FeatureTracker::Impl::flow() {
+    seen.assign(tracks.size(), false);
+    std::vector<Vector2d> places, predicted;
+    std::vector<std::size_t> owner;
+    for (std::size_t i = 0; i < tracks.size(); ++i) {
+        if (tracks[i].missed > 0) continue;
+        owner.push_back(i);
+        places.push_back(tracks[i].uv);
+        predicted.push_back(camera->inside_image(expected[i].uv) ? expected[i].uv : tracks[i].uv);
+    }
+    if (owner.empty()) return;
     const std::vector<cv::Point2f> from = to_points(places);
-    std::vector<cv::Point2f> to = to_points(predicted), back(from.size());
-    std::vector<unsigned char> found, found_back;
+    std::vector<cv::Point2f> to = to_points(predicted);
+    std::vector<unsigned char> found;
     std::vector<float> error;
-    const cv::Size window(options.window_px, options.window_px);
     const cv::TermCriteria stop(cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 20, 0.01);
-    cv::calcOpticalFlowPyrLK(previous_pyramid, pyramid, from, to, found, error, window,
-                             options.pyramid_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW, 1e-4);
-    for (std::size_t i = 0; i < from.size(); ++i)
-        back[i] =
-            to[i] + from[i] -
-            cv::Point2f(static_cast<float>(predicted[i].x()), static_cast<float>(predicted[i].y()));
-    cv::calcOpticalFlowPyrLK(pyramid, previous_pyramid, to, back, found_back, error, window,
-                             options.pyramid_levels, stop, cv::OPTFLOW_USE_INITIAL_FLOW, 1e-4);
-    std::size_t i = 0;
-    report.lost_flow = keep_if([&](Track& track) {
-        const std::size_t k = i++;
-        track.uv = to_vector(to[k]);
-        if (!found[k] || !camera->inside_image(track.uv)) return false;
-        // Marked here, removed below: the order of the arrays is that of the tracks.
-        if (!found_back[k] || cv::norm(back[k] - from[k]) > options.round_trip_px) track.id = -1;
-        return true;
-    });
-    report.lost_round_trip = keep_if([](const Track& track) { return track.id >= 0; });
+    cv::calcOpticalFlowPyrLK(previous_pyramid, pyramid, from, to, found, error,
+                             {options.window_px, options.window_px}, options.pyramid_levels, stop,
+                             cv::OPTFLOW_USE_INITIAL_FLOW, 1e-4);
+    for (std::size_t k = 0; k < owner.size(); ++k) {
+        tracks[owner[k]].uv = to_vector(to[k]);
+        seen[owner[k]] = found[k];
+        report.lost_flow += !found[k];
+    }
+}
+
+bool FeatureTracker::Impl::align(Track& track, const Vector2d& uv, const Matrix2d& A) const {
+    const auto aligned = track.look->align(pyramid[0], uv, A);
+    if (!aligned || aligned->correlation < options.min_correlation) return false;
+    track.uv = aligned->uv_px;
+    track.A = aligned->A;
+    return true;
 }
 
 // Frame-to-frame tracking drifts; the first appearance does not.
-void FeatureTracker::Impl::realign() {
-    if (options.realign)
-        report.lost_look = keep_if([&](Track& track) {
-            const auto aligned = track.look->align(pyramid[0], track.uv, track.A);
-            if (!aligned || aligned->correlation < options.min_correlation) return false;
-            track.uv = aligned->uv_px;
-            track.A = aligned->A;
-            return true;
-        });
-    report.lost_look += keep_if([&](Track& track) {
-        const auto ray = camera->ray(track.uv);
-        if (!ray || !camera->inside_image(track.uv)) return false;
-        track.f = ray->direction;
-        return mask.empty() || mask.at<unsigned char>(static_cast<int>(std::lround(track.uv.y())),
-                                                      static_cast<int>(std::lround(track.uv.x())));
+void FeatureTracker::Impl::align_all() {
+    for (std::size_t i = 0; i < tracks.size(); ++i) {
+        if (!seen[i]) continue;
+        if (options.realign) seen[i] = align(tracks[i], tracks[i].uv, expected[i].A);
+        report.lost_look += !seen[i];
+        if (seen[i]) seen[i] = admissible(tracks[i]);
+    }
+}
+
+// The others are expected to have moved against the far scene as their neighbours did.
+void FeatureTracker::Impl::search_missed() {
+    std::vector<std::size_t> found;
+    for (std::size_t i = 0; i < tracks.size(); ++i)
+        if (seen[i]) found.push_back(i);
+    const cv::Mat half = half_image();
+    for (std::size_t i = 0; i < tracks.size(); ++i) {
+        if (seen[i]) continue;
+        expected[i].uv += neighbours_motion(expected[i].uv, found);
+        tracks[i].uv = expected[i].uv;
+        const auto place = tracks[i].look->search(half, expected[i].uv, expected[i].A,
+                                                  kSearch_px2 * Matrix2d::Identity());
+        if (!place) continue;
+        seen[i] = align(tracks[i], *place, expected[i].A) && admissible(tracks[i]);
+        report.found_again += seen[i];
+    }
+}
+// Median over the nearest tracks that were found of how far they are from where they were expected.
+Vector2d FeatureTracker::Impl::neighbours_motion(const Vector2d& uv,
+                                                 const std::vector<std::size_t>& found) const {
+    constexpr std::size_t kNeighbours = 7;
+    std::vector<std::pair<double, std::size_t>> near;
+    for (const std::size_t i : found) near.emplace_back((expected[i].uv - uv).squaredNorm(), i);
+    const std::size_t n = std::min(kNeighbours, near.size());
+    if (n == 0) return Vector2d::Zero();
+    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
+    Vector2d result;
+    for (const int axis : {0, 1}) {
+        std::vector<double> motion;
+        for (std::size_t k = 0; k < n; ++k)
+            motion.push_back(tracks[near[k].second].uv[axis] - expected[near[k].second].uv[axis]);
+        std::nth_element(motion.begin(), motion.begin() + static_cast<std::ptrdiff_t>(n / 2),
+                         motion.end());
+        result[axis] = motion[n / 2];
+    }
+    return result;
+}
+
+bool FeatureTracker::Impl::admissible(Track& track) const {
+    const auto ray = camera->ray(track.uv);
+    if (!ray || !camera->inside_image(track.uv)) return false;
+    track.f = ray->direction;
+    return mask.empty() || mask.at<unsigned char>(static_cast<int>(std::lround(track.uv.y())),
+                                                  static_cast<int>(std::lround(track.uv.x())));
+}
+
+// A feature that disagrees with the motion is taken as not seen; so is one that was missed before
+// and cannot be checked. Learns from the rotation that the
+// features give what the given rotations miss (gyro bias).
+void FeatureTracker::Impl::verify(TimeNs t, std::optional<Matrix3d> R) {
+    const std::optional<Matrix3d> given = R;
+    const std::vector<Verdict> verdicts = history.check(seen_rays(), R);
+    std::size_t k = 0;
+    for (std::size_t i = 0; i < tracks.size(); ++i) {
+        if (!seen[i]) continue;
+        const Verdict verdict = verdicts[k++];
+        seen[i] =
+            verdict == Verdict::agrees || (verdict == Verdict::unchecked && tracks[i].missed == 0);
+        report.lost_geometry += !seen[i];
+    }
+    if (!given || !R || history.inliers() <= 20) return;
+    const Vector3d missed = so3::log(given->transpose() * *R);
+    if (missed.norm() < 0.05)
+        rotation_rate_error += kRotationRateGain * missed / to_seconds(t - last_tracked);
+}
+
+void FeatureTracker::Impl::end_missed() {
+    std::size_t i = 0;
+    report.ended = keep_if([&](Track& track) {
+        const std::size_t k = i++;
+        track.missed = seen[k] ? 0 : track.missed + 1;
+        if (!seen[k]) {
+            track.uv = expected[k].uv;
+            track.A = expected[k].A;
+        }
+        return track.missed <= options.patience && camera->inside_image(track.uv);
     });
 }
 
-std::optional<TwoViewMotion> FeatureTracker::Impl::check_against(const PastView& view,
-                                                                 const std::optional<Matrix3d>& R) {
-    std::vector<RayPair> pairs;
-    std::vector<std::size_t> owner;
-    for (std::size_t i = 0; i < tracks.size(); ++i) {
-        const auto then = view.rays.find(tracks[i].id);
-        if (then == view.rays.end()) continue;
-        pairs.push_back({then->second, tracks[i].f});
-        owner.push_back(i);
-    }
-    TwoViewOptions two_view;
-    two_view.threshold = options.epipolar_px * camera->angular_resolution();
-    two_view.seed = static_cast<unsigned long long>(options.seed);
-    auto motion = estimate_two_view(pairs, R, two_view);
-    if (!motion) return motion;
-    std::vector<char> good(tracks.size(), true);
-    for (std::size_t k = 0; k < owner.size(); ++k) good[owner[k]] = motion->inlier[k];
-    std::size_t i = 0;
-    report.lost_geometry += keep_if([&](const Track&) { return good[i++]; });
-    return motion;
-}
-
-// Returns the rotation since the previous image, refined on the features where possible, and
-// learns from it what the given rotations miss (gyro bias).
-std::optional<Matrix3d> FeatureTracker::Impl::verify(TimeNs t, const std::optional<Matrix3d>& R) {
-    if (past.empty()) return R;
-    const auto motion = check_against(past.back(), R);
-    if (!motion) return R;
-    const double dt = to_seconds(t - last_tracked);
-    if (R && motion->inliers > 20) {
-        const Vector3d missed = so3::log(R->transpose() * motion->R_C1_C2);
-        if (missed.norm() < 0.05) rotation_rate_error += kRotationRateGain * missed / dt;
-    }
-    return motion->R_C1_C2;
-}
-
-// The same against an image further back, where slow errors have added up.
-void FeatureTracker::Impl::verify_long(const std::optional<Matrix3d>& R) {
-    if (past.empty()) return;
-    past.back().R_next = R;
-    if (options.long_gap < 2 || static_cast<int>(past.size()) < options.long_gap) return;
-    std::optional<Matrix3d> R_long = Matrix3d::Identity();
-    for (const PastView& view : past) {
-        if (!view.R_next) {
-            R_long.reset();
-            break;
-        }
-        R_long = *R_long * *view.R_next;
-    }
-    check_against(past.front(), R_long);
-}
-
 void FeatureTracker::Impl::detect() {
-    // Images and their derivatives alternate; a pyramid ends early where a level would be smaller
-    // than the window.
-    cv::Mat half;
-    if (pyramid.size() > 2)
-        half = pyramid[2];
-    else
-        cv::pyrDown(pyramid[0], half);
-    const int wanted = options.max_features - static_cast<int>(tracks.size());
     std::vector<Vector2d> existing;
-    for (const Track& track : tracks) existing.push_back(track.uv);
+    int wanted = options.max_features;
+    for (const Track& track : tracks) {
+        existing.push_back(track.uv);
+        wanted -= track.missed == 0;
+    }
     const DetectorOptions detector{options.min_distance_px, kBorder_px, options.corner_quality};
     for (const Vector2d& uv :
-         detect_features(half, existing, mask, wanted, options.max_features, detector)) {
+         detect_features(half_image(), existing, mask, wanted, options.max_features, detector)) {
         const auto ray = camera->ray(uv);
         auto look = Patch::cut(pyramid[0], uv);
         if (!ray || !look) continue;
@@ -345,18 +390,34 @@ void FeatureTracker::Impl::detect() {
 }
 
 void FeatureTracker::Impl::remember(TimeNs t) {
-    PastView view;
-    for (const Track& track : tracks) view.rays[track.id] = track.f;
-    past.push_back(std::move(view));
-    while (static_cast<int>(past.size()) > std::max(1, options.long_gap)) past.pop_front();
+    seen.assign(tracks.size(), false);
+    for (std::size_t i = 0; i < tracks.size(); ++i) seen[i] = tracks[i].missed == 0;
+    history.remember(seen_rays());
     last_tracked = t;
     R_since_tracked = Matrix3d::Identity();
+}
+
+std::vector<FeatureRay> FeatureTracker::Impl::seen_rays() const {
+    std::vector<FeatureRay> rays;
+    for (std::size_t i = 0; i < tracks.size(); ++i)
+        if (seen[i]) rays.push_back({tracks[i].id, tracks[i].f});
+    return rays;
+}
+
+// Images and their derivatives alternate in the pyramid, which ends early where a level would be
+// smaller than the window.
+cv::Mat FeatureTracker::Impl::half_image() const {
+    if (pyramid.size() > 2) return pyramid[2];
+    cv::Mat half;
+    cv::pyrDown(pyramid[0], half);
+    return half;
 }
 
 FeatureFrame FeatureTracker::Impl::frame(TimeNs t) const {
     FeatureFrame result{t, {}};
     result.features.reserve(tracks.size());
     for (const Track& track : tracks) {
+        if (track.missed > 0) continue;
         FeatureObservation observation{track.id, track.uv, Matrix2d::Identity()};
         if (options.texture_covariance)
             observation.covariance_shape =
@@ -379,11 +440,9 @@ int FeatureTracker::Impl::keep_if(const Keep& keep) {
     return removed;
 }
 
-FeatureTracker::FeatureTracker(const TrackerOptions& options, CameraPtr camera)
-    : impl_(std::make_unique<Impl>()) {
+FeatureTracker::FeatureTracker(const TrackerOptions& options, CameraPtr camera) {
     if (!camera) throw InputError("tracker: no camera calibration; give the camera's intrinsics");
-    impl_->options = options;
-    impl_->camera = std::move(camera);
+    impl_ = std::make_unique<Impl>(options, std::move(camera));
     impl_->mask = valid_region(*impl_->camera, kRimBorder_px);
 }
 

@@ -18,9 +18,9 @@ struct TrackerOptions {
     double corner_quality = 0.01;   ///< weakest corner, as a share of the image's strongest [-]
     int window_px = 15;             ///< side of the window of Lucas and Kanade's method
     int pyramid_levels = 3;         ///< halvings of the image
-    double round_trip_px = 1.0;     ///< largest error of tracking forward and back
+    int patience = 3;               ///< images that a feature may be missed in
     double epipolar_px = 1.2;       ///< largest error in the geometry of two images
-    int long_gap = 10;              ///< images between those of the second geometric check; 0: off
+    int long_gap = 32;              ///< images between those of the second geometric check; 0: off
     bool realign = true;            ///< align with the first appearance
     double min_correlation = 0.75;  ///< with the first appearance [-]
     bool texture_covariance = false;  ///< shape of the covariance from the texture
@@ -33,8 +33,10 @@ struct TrackerOptions {
 struct TrackerReport {
     bool blank = false;  ///< image without contrast (dark, lens cap): tracks wait for the next one
     int before = 0;      ///< features alive before the image
-    int lost_flow = 0, lost_round_trip = 0, lost_look = 0, lost_geometry = 0, ended_by_caller = 0;
-    int detected = 0, after = 0;
+    int lost_flow = 0, lost_look = 0;  ///< not found by each step
+    int found_again = 0;               ///< of these, by searching
+    int lost_geometry = 0;             ///< found, but in disagreement with the motion
+    int ended = 0, ended_by_caller = 0, detected = 0, after = 0;
     double seconds_pyramid = 0, seconds_flow = 0, seconds_realign = 0, seconds_geometry = 0,
            seconds_detect = 0;
 };

@@ -1,13 +1,15 @@
 // How good feature tracks are, with the tracker's parts switched off one by one:
 //   vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] [--set tracker.KEY=VALUE]...
 // Judged by the true poses (T_W_B at the images): share of the observations whose epipolar error
-// against the track's first observation is under 2 px. With the scenario that the rawlog's images
-// were rendered from also by the true points: each track's first observation is cast onto the
-// scene, and every later one compared with that point's projection.
+// against the track's first observation is under 2 px, with the truth as it is and with its
+// mounting and clock fitted to the tracks. With the scenario that the rawlog's images were rendered
+// from also by the true points: each track's first observation is cast onto the scene, and every
+// later one compared with that point's projection.
 #include <algorithm>
 #include <cstdio>
 #include <functional>
 #include <map>
+#include <opencv2/core/optim.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <optional>
@@ -15,6 +17,7 @@
 #include <vector>
 
 #include "libvio/evaluation/association.h"
+#include "libvio/geometry/so3.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/simulation/scenario.h"
 #include "libvio/tracking/front_end.h"
@@ -35,24 +38,45 @@ constexpr double kGood_px = 2, kGross_px = 5;
 constexpr double kBorder_px = 8;
 constexpr double kOcclusion_m = 0.02;
 
+using Poses = std::map<TimeNs, Pose>;
+
 struct Input {
     vio::Rig rig;
     std::vector<Message> messages;
-    std::map<TimeNs, Pose> T_W_C;  // at each image with truth
+    std::vector<vio::TimedPose> images;  // of which only the time is set
+    std::vector<vio::TimedPose> truth;   // T_W_B
+    Poses T_W_C;                         // at each image with truth
+    Poses T_W_C_fitted;                  // with the truth's mounting and clock fitted
 };
+
+// What the truth's instrument and the camera may disagree in: the rotation from the camera's frame
+// to the one that the truth calls so, and the difference of the clocks.
+struct Mounting {
+    Vector3d rotation = Vector3d::Zero();  // [rad]
+    double time_offset = 0;                // [s]
+};
+
+Poses camera_poses(const Input& input, const Mounting& mounting) {
+    constexpr TimeNs kMaxGap = 100'000'000;
+    Poses poses;
+    for (const auto& pair : vio::associate(input.images, input.truth, kMaxGap,
+                                           vio::from_seconds(mounting.time_offset))) {
+        Pose T_W_C = pair.truth * input.rig.T_B_C;
+        T_W_C.R = T_W_C.R * vio::so3::exp(mounting.rotation);
+        poses[input.images[static_cast<std::size_t>(pair.estimate_idx)].t] = T_W_C;
+    }
+    return poses;
+}
 
 Input read_input(const std::string& rawlog, const std::string& truth_file) {
     vio::Recording recording(rawlog);
-    Input input{recording.rig(), {}, {}};
-    std::vector<vio::TimedPose> images;
+    Input input{recording.rig(), {}, {}, vio::read_trajectory(truth_file), {}, {}};
     while (auto message = recording.next()) {
         if (const auto* image = std::get_if<vio::ImageMessage>(&*message))
-            images.push_back({image->t, {}});
+            input.images.push_back({image->t, {}});
         input.messages.push_back(std::move(*message));
     }
-    constexpr TimeNs kMaxGap = 100'000'000;
-    for (const auto& pair : vio::associate(images, vio::read_trajectory(truth_file), kMaxGap))
-        input.T_W_C[images[pair.estimate_idx].t] = pair.truth * input.rig.T_B_C;
+    input.T_W_C = camera_poses(input, {});
     return input;
 }
 
@@ -77,8 +101,8 @@ Run run_tracker(const Input& input, const vio::TrackerOptions& options, bool use
         if (run.frames.size() == before) continue;
         const vio::TrackerReport& r = front_end.tracker().report();
         run.lost.lost_flow += r.lost_flow;
-        run.lost.lost_round_trip += r.lost_round_trip;
         run.lost.lost_look += r.lost_look;
+        run.lost.found_again += r.found_again;
         run.lost.lost_geometry += r.lost_geometry;
     }
     take(front_end.finish());
@@ -127,7 +151,8 @@ Run run_plain_lk(const Input& input, const vio::TrackerOptions& options) {
         }
         FeatureFrame frame{image->t, {}};
         for (std::size_t i = 0; i < places.size(); ++i)
-            frame.features.push_back({ids[i], {places[i].x, places[i].y}, {}});
+            frame.features.push_back(
+                {ids[i], {places[i].x, places[i].y}, Eigen::Matrix2d::Identity()});
         run.frames.push_back(std::move(frame));
         previous = image->image;
     }
@@ -163,25 +188,51 @@ double median(std::vector<double> values) {
 }
 
 // Epipolar errors [px] of every observation against the first of its track.
-std::vector<double> epipolar_errors(const Input& input, const Run& run) {
+std::vector<double> epipolar_errors(const vio::Camera& camera, const Poses& T_W_C, const Run& run) {
     std::vector<double> errors;
-    const vio::Camera& camera = *input.rig.camera;
     for (const auto& [id, sights] : by_track(run.frames)) {
-        const auto first = input.T_W_C.find(run.frames[sights[0].frame_idx].t);
+        const auto first = T_W_C.find(run.frames[sights[0].frame_idx].t);
         const auto f1 = camera.ray(sights[0].uv);
-        if (first == input.T_W_C.end() || !f1) continue;
+        if (first == T_W_C.end() || !f1) continue;
         for (std::size_t k = 1; k < sights.size(); ++k) {
-            const auto now = input.T_W_C.find(run.frames[sights[k].frame_idx].t);
+            const auto now = T_W_C.find(run.frames[sights[k].frame_idx].t);
             const auto f2 = camera.ray(sights[k].uv);
-            if (now == input.T_W_C.end() || !f2) continue;
+            if (now == T_W_C.end() || !f2) continue;
             const Pose T_C1_C2 = first->second.inverse() * now->second;
             const Vector3d t = T_C1_C2.p.norm() > 1e-9 ? T_C1_C2.p.normalized() : Vector3d::UnitZ();
-            errors.push_back(
-                vio::two_view_residual({f1->direction, f2->direction}, T_C1_C2.R, t) /
-                camera.angular_resolution());
+            errors.push_back(vio::two_view_residual({f1->direction, f2->direction}, T_C1_C2.R, t) /
+                             camera.angular_resolution());
         }
     }
     return errors;
+}
+
+// The mounting with which the tracks agree best: four numbers from all of them, by a direct search
+// for the least sum of epipolar errors, each counted up to the limit of a good one.
+Mounting fit_mounting(const Input& input, const Run& run) {
+    class Cost final : public cv::MinProblemSolver::Function {
+     public:
+        Cost(const Input& i, const Run& r) : input_(i), run_(r) {}
+        static Mounting mounting(const double* x) { return {1e-2 * Vector3d(x), 1e-2 * x[3]}; }
+        int getDims() const override { return 4; }
+        double calc(const double* x) const override {
+            double sum = 0;
+            for (const double e :
+                 epipolar_errors(*input_.rig.camera, camera_poses(input_, mounting(x)), run_))
+                sum += std::min(e, kGood_px);
+            return sum;
+        }
+
+     private:
+        const Input& input_;
+        const Run& run_;
+    };
+    cv::Mat x = cv::Mat::zeros(1, 4, CV_64F);
+    const auto solver = cv::DownhillSolver::create(
+        cv::makePtr<Cost>(input, run), cv::Mat(cv::Matx<double, 1, 4>::ones()),
+        cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 150, 1e-3));
+    solver->minimize(x);
+    return Cost::mounting(x.ptr<double>());
 }
 
 // Where the scene's point p_W is in the image; nothing where it cannot be seen.
@@ -201,6 +252,34 @@ struct PointErrors {
     double seen = 0, could = 0;      // sums of these
 };
 
+// The points on the ray of a track's first observation that its patch may show: where the ray meets
+// the surfaces that are seen within the patch, each continued as a plane (an edge in the patch
+// belongs to the nearer surface, its centre may lie on the other).
+std::vector<Vector3d> shown_points(const vio::Scene& scene, const vio::Camera& camera,
+                                   const Pose& T_W_C, const Vector2d& uv) {
+    constexpr double kReach_px = 4;
+    std::vector<Vector3d> points;
+    const auto centre = camera.ray(uv);
+    if (!centre) return points;
+    const Vector3d origin = T_W_C * centre->origin, direction = T_W_C.R * centre->direction;
+    for (const double dx : {0., -1., 1.})
+        for (const double dy : {0., -1., 1.}) {
+            const auto ray = camera.ray(uv + kReach_px * Vector2d(dx, dy));
+            if (!ray) continue;
+            const Vector3d o = T_W_C * ray->origin, d = T_W_C.R * ray->direction;
+            const auto hit = scene.cast(o, d);
+            if (!hit) continue;
+            const vio::Solid& solid = scene.solids()[static_cast<std::size_t>(hit->solid_idx)];
+            const Vector3d normal = solid.T_W_S.R.col(hit->axis), p = o + hit->distance * d;
+            const double slope = normal.dot(direction);
+            const double distance = solid.shape == vio::Solid::Shape::kBox && std::abs(slope) > 0.05
+                                        ? normal.dot(p - origin) / slope
+                                        : hit->distance;
+            points.push_back(origin + distance * direction);
+        }
+    return points;
+}
+
 PointErrors point_errors(const Input& input, const vio::Simulation& simulation, const Run& run) {
     PointErrors result;
     const vio::Camera& camera = *input.rig.camera;
@@ -209,16 +288,22 @@ PointErrors point_errors(const Input& input, const vio::Simulation& simulation, 
     const int end = static_cast<int>(run.frames.size());
     for (const auto& [id, sights] : by_track(run.frames)) {
         const int begin = sights[0].frame_idx;
-        const auto ray = camera.ray(sights[0].uv);
-        if (!ray) continue;
-        const Vector3d direction = pose(begin).R * ray->direction;
-        const auto hit = scene.cast(pose(begin) * ray->origin, direction);
-        if (!hit) continue;
-        const Vector3d p_W = pose(begin) * ray->origin + hit->distance * direction;
-        for (std::size_t k = 1; k < sights.size(); ++k) {
-            const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p_W);
-            result.px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
+        // The surface that fits the track best.
+        std::vector<double> errors;
+        Vector3d p_W = Vector3d::Zero();
+        for (const Vector3d& p : shown_points(scene, camera, pose(begin), sights[0].uv)) {
+            std::vector<double> px;
+            for (std::size_t k = 1; k < sights.size(); ++k) {
+                const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p);
+                px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
+            }
+            if (p_W.isZero() || median(px) < median(errors)) {
+                p_W = p;
+                errors = std::move(px);
+            }
         }
+        if (p_W.isZero()) continue;  // sky
+        result.px.insert(result.px.end(), errors.begin(), errors.end());
         if (begin + 1 == end) continue;
         int visible = 1;
         while (begin + visible < end && visible_at(scene, camera, pose(begin + visible), p_W))
@@ -233,11 +318,14 @@ PointErrors point_errors(const Input& input, const vio::Simulation& simulation, 
 }
 
 void print_header(bool has_scene) {
-    std::printf("%-26s %7s %7s %7s %7s %8s", "", "per img", "length", "median", "<2px e", "ms/img");
+    std::printf("%-26s %7s %7s %7s %7s %7s %8s", "", "per img", "length", "median", "raw<2px",
+                "fit<2px", "ms/img");
     if (has_scene)
-        std::printf(" %8s %7s %7s %7s %7s %7s", "err med", "<2px", ">5px", "life", "median", "<1px");
-    std::printf("   tracks of 1, 2-4, 5-9, 10-19, 20-39, 40- images | lost: flow, return, look, "
-                "geometry\n");
+        std::printf(" %8s %7s %7s %7s %7s %7s", "err med", "<2px", ">5px", "life", "median",
+                    "<1px");
+    std::printf(
+        "   tracks of 1, 2-4, 5-9, 10-19, 20-39, 40- images | lost: flow, look, again, "
+        "geometry\n");
 }
 
 void print_row(const std::string& name, const Input& input, const vio::Simulation* simulation,
@@ -253,9 +341,13 @@ void print_row(const std::string& name, const Input& input, const vio::Simulatio
         ++histogram[n < 2 ? 0 : n < 5 ? 1 : n < 10 ? 2 : n < 20 ? 3 : n < 40 ? 4 : 5];
     }
     const auto images = static_cast<double>(run.frames.size());
-    std::printf("%-26s %7.1f %7.1f %7.0f %6.2f%% %8.2f", name.c_str(), observations / images,
-                observations / static_cast<double>(tracks.size()), median(lengths),
-                100 * share(epipolar_errors(input, run), [](double e) { return e < kGood_px; }),
+    const auto good_share = [&](const Poses& T_W_C) {
+        return 100 * share(epipolar_errors(*input.rig.camera, T_W_C, run),
+                           [](double e) { return e < kGood_px; });
+    };
+    std::printf("%-26s %7.1f %7.1f %7.0f %6.2f%% %6.2f%% %8.2f", name.c_str(),
+                observations / images, observations / static_cast<double>(tracks.size()),
+                median(lengths), good_share(input.T_W_C), good_share(input.T_W_C_fitted),
                 1e3 * run.seconds / images);
     if (simulation) {
         const PointErrors e = point_errors(input, *simulation, run);
@@ -266,8 +358,8 @@ void print_row(const std::string& name, const Input& input, const vio::Simulatio
                     100 * share(e.px, [](double px) { return px < 1; }));
     }
     std::printf("   %d %d %d %d %d %d | %d %d %d %d\n", histogram[0], histogram[1], histogram[2],
-                histogram[3], histogram[4], histogram[5], run.lost.lost_flow,
-                run.lost.lost_round_trip, run.lost.lost_look, run.lost.lost_geometry);
+                histogram[3], histogram[4], histogram[5], run.lost.lost_flow, run.lost.lost_look,
+                run.lost.found_again, run.lost.lost_geometry);
 }
 
 int measure(const std::vector<std::string>& files, const std::vector<std::string>& assignments) {
@@ -276,11 +368,20 @@ int measure(const std::vector<std::string>& files, const std::vector<std::string
     vio::OptionSet declared;
     options.describe(declared);
     for (const std::string& assignment : assignments) declared.set(assignment);
-    const Input input = read_input(files[0], files[1]);
+    Input input = read_input(files[0], files[1]);
     std::optional<vio::Simulation> simulation;
     if (files.size() > 2) simulation.emplace(vio::ScenarioOptions::from_file(files[2]));
     const vio::Simulation* truth = simulation ? &*simulation : nullptr;
 
+    {
+        vio::TrackerOptions plain = options;
+        plain.max_features = 50;
+        const Mounting mounting = fit_mounting(input, run_tracker(input, plain, true));
+        input.T_W_C_fitted = camera_poses(input, mounting);
+        const Vector3d r = 180 / M_PI * mounting.rotation;
+        std::printf("the truth's mounting: %.3f %.3f %.3f deg, clock: %.2f ms\n", r.x(), r.y(),
+                    r.z(), 1e3 * mounting.time_offset);
+    }
     print_header(truth != nullptr);
     const auto row = [&](const std::string& name, auto change, bool use_gyro = true) {
         vio::TrackerOptions changed = options;
@@ -288,7 +389,8 @@ int measure(const std::vector<std::string>& files, const std::vector<std::string
         print_row(name, input, truth, run_tracker(input, changed, use_gyro));
     };
     row("all parts", [](auto&) {});
-    row("no gyro", [](auto&) {}, false);
+    row(
+        "no gyro", [](auto&) {}, false);
     row("no first appearance", [](auto& o) { o.realign = false; });
     row("no geometry", [](auto& o) { o.epipolar_px = 100, o.long_gap = 0; });
     print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
