@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <future>
 #include <sstream>
 
 #include "libvio/base/errors.h"
@@ -72,17 +73,47 @@ void write_gps(const Simulation& simulation, const std::string& file) {
     write_text(file, out.str());
 }
 
-void write_image(const Simulation& simulation, int image_idx, RawlogWriter& writer) {
+// The images of the stream in its order, each drawn while the one before is written.
+class ImagesAhead {
+ public:
+    explicit ImagesAhead(const Simulation& simulation) : simulation_(simulation) {
+        if (!simulation.options().render) return;
+        for (const StreamEntry& entry : simulation.stream())
+            if (entry.kind == StreamEntry::Kind::kImage) order_.push_back(entry.index);
+        draw_next();
+    }
+
+    cv::Mat take() {
+        const cv::Mat image = drawn_.get();
+        draw_next();
+        return image;
+    }
+
+ private:
+    void draw_next() {
+        if (next_ == order_.size()) return;
+        drawn_ = std::async(std::launch::async,
+                            [this, index = order_[next_++]] { return simulation_.image(index); });
+    }
+
+    const Simulation& simulation_;
+    std::vector<int> order_;
+    size_t next_ = 0;
+    std::future<cv::Mat> drawn_;
+};
+
+void write_image(const Simulation& simulation, int image_idx, ImagesAhead& images,
+                 RawlogWriter& writer) {
     if (simulation.options().render)
-        writer.write(
-            ImageMessage{simulation.image_times()[image_idx], simulation.image(image_idx)});
+        writer.write(ImageMessage{simulation.image_times()[image_idx], images.take()});
     if (simulation.options().tracks) writer.write(simulation.tracks().frames[image_idx]);
 }
 
 void write_rawlog(const Simulation& simulation, const std::string& file,
                   const std::function<void(double)>& progress) {
     RawlogWriter writer(file, simulation.stated_rig());
-    const double images = static_cast<double>(simulation.image_times().size());
+    ImagesAhead images(simulation);
+    const double count = static_cast<double>(simulation.image_times().size());
     for (const StreamEntry& entry : simulation.stream()) {
         switch (entry.kind) {
             case StreamEntry::Kind::kImu:
@@ -95,8 +126,8 @@ void write_rawlog(const Simulation& simulation, const std::string& file,
                 writer.write(simulation.gps().messages[entry.index]);
                 break;
             case StreamEntry::Kind::kImage:
-                write_image(simulation, entry.index, writer);
-                if (progress) progress((entry.index + 1) / images);
+                write_image(simulation, entry.index, images, writer);
+                if (progress) progress((entry.index + 1) / count);
         }
     }
     writer.finish();

@@ -61,6 +61,10 @@ Renderer::Renderer(const Scene& scene, CameraPtr camera, const RenderOptions& op
     sample_angle_ = camera_->angular_resolution() / options_.samples;
     compute_rays();
     compute_tiles();
+    for (const Solid& solid : scene_.solids())
+        bounds_.push_back({solid.T_W_S.p, origin_spread_ + (solid.shape == Solid::Shape::kBox
+                                                                ? solid.half_extent.norm()
+                                                                : solid.half_extent.maxCoeff())});
 }
 
 void Renderer::compute_rays() {
@@ -115,17 +119,20 @@ void Renderer::compute_tiles() {
 // Solids whose bounding sphere meets the tile's cone.
 std::vector<int> Renderer::candidates(const Tile& tile, const Pose& T_W_C) const {
     const Eigen::Vector3d axis = T_W_C.R * tile.axis;
+    const double cos_half = std::cos(tile.half_angle), sin_half = std::sin(tile.half_angle);
     std::vector<int> result;
-    for (int i = 0; i < static_cast<int>(scene_.solids().size()); ++i) {
-        const Solid& solid = scene_.solids()[i];
-        const Eigen::Vector3d to = solid.T_W_S.p - T_W_C.p;
-        const double radius = (solid.shape == Solid::Shape::kBox ? solid.half_extent.norm()
-                                                                 : solid.half_extent.maxCoeff()) +
-                              origin_spread_;
-        const double distance = to.norm();
-        if (distance <= radius ||
-            angle_between(axis, to) <= tile.half_angle + std::asin(radius / distance) + 1e-6)
+    for (int i = 0; i < static_cast<int>(bounds_.size()); ++i) {
+        const Eigen::Vector3d to = bounds_[i].centre_W - T_W_C.p;
+        const double radius = bounds_[i].radius, distance = to.norm();
+        if (distance <= radius) {
             result.push_back(i);
+            continue;
+        }
+        // Angle between axis and `to` <= half angle + asin(radius / distance).
+        const double s = radius / distance, c = std::sqrt(1 - s * s);
+        const double sin_sum = sin_half * c + cos_half * s, cos_sum = cos_half * c - sin_half * s;
+        const bool beyond_pi = sin_sum <= 0;  // both angles are below pi
+        if (beyond_pi || axis.dot(to) >= (cos_sum - 1e-6) * distance) result.push_back(i);
     }
     return result;
 }

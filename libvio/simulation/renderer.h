@@ -43,6 +43,12 @@ class Renderer {
         double half_angle;     ///< [rad]
     };
 
+    /// A ball that holds a solid, with room for the spread of the rays' origins.
+    struct Ball {
+        Eigen::Vector3d centre_W;
+        double radius;
+    };
+
     void compute_rays();
     void compute_tiles();
     std::vector<int> candidates(const Tile& tile, const Pose& T_W_C) const;
@@ -57,6 +63,7 @@ class Renderer {
     std::vector<Eigen::Vector3f> directions_;  ///< [sample][row][column]; zero: no light gets there
     std::vector<Eigen::Vector3f> origins_;     ///< likewise; empty for a single viewpoint
     std::vector<Tile> tiles_;
+    std::vector<Ball> bounds_;  ///< of the scene's solids
 };
 
 }  // namespace vio

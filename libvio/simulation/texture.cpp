@@ -23,28 +23,46 @@ class Torus {
     std::vector<float> texels_;
 };
 
-// Adds gradient noise of `cells` lattice cells per period.
+// Adds gradient noise of `cells` lattice cells per period; side is a multiple of cells.
 void add_gradient_noise(Torus& torus, std::uint64_t seed, int cells, double amplitude) {
-    const int side = torus.side();
-    const auto slope = [&](int cx, int cy, double dx, double dy) {
-        const std::uint64_t h = mixed(seed ^ mixed((static_cast<std::uint64_t>(cy % cells) << 32) |
-                                                   static_cast<std::uint64_t>(cx % cells)));
-        const double angle = 2 * std::numbers::pi * static_cast<double>(h >> 11) * 0x1p-53;
-        return std::cos(angle) * dx + std::sin(angle) * dy;
+    struct Gradient {
+        double x, y;
     };
-    const auto fade = [](double s) { return s * s * s * (s * (6 * s - 15) + 10); };
-    for (int y = 0; y < side; ++y)
-        for (int x = 0; x < side; ++x) {
-            const double gx = static_cast<double>(x) * cells / side;
-            const double gy = static_cast<double>(y) * cells / side;
-            const int cx = static_cast<int>(gx), cy = static_cast<int>(gy);
-            const double dx = gx - cx, dy = gy - cy;
-            const double top =
-                std::lerp(slope(cx, cy, dx, dy), slope(cx + 1, cy, dx - 1, dy), fade(dx));
-            const double bottom = std::lerp(slope(cx, cy + 1, dx, dy - 1),
-                                            slope(cx + 1, cy + 1, dx - 1, dy - 1), fade(dx));
-            torus.at(x, y) += static_cast<float>(amplitude * std::lerp(top, bottom, fade(dy)));
+    std::vector<Gradient> gradients;
+    for (int cy = 0; cy < cells; ++cy)
+        for (int cx = 0; cx < cells; ++cx) {
+            const std::uint64_t h = mixed(seed ^ mixed((static_cast<std::uint64_t>(cy) << 32) |
+                                                       static_cast<std::uint64_t>(cx)));
+            const double angle = 2 * std::numbers::pi * static_cast<double>(h >> 11) * 0x1p-53;
+            gradients.push_back({std::cos(angle), std::sin(angle)});
         }
+    const auto gradient = [&](int cx, int cy) {
+        return gradients[cy % cells * cells + cx % cells];
+    };
+    const auto slope = [](const Gradient& g, double dx, double dy) { return g.x * dx + g.y * dy; };
+    const auto fade = [](double s) { return s * s * s * (s * (6 * s - 15) + 10); };
+    const int side = torus.side(), cell = side / cells;
+    std::vector<double> offsets, fades;  // along a cell
+    for (int i = 0; i < cell; ++i) {
+        offsets.push_back(static_cast<double>(i) * cells / side);
+        fades.push_back(fade(offsets.back()));
+    }
+    for (int y = 0; y < side; ++y) {
+        const int cy = y / cell;
+        const double dy = offsets[y % cell], fy = fades[y % cell];
+        for (int cx = 0; cx < cells; ++cx) {
+            const Gradient g00 = gradient(cx, cy), g10 = gradient(cx + 1, cy),
+                           g01 = gradient(cx, cy + 1), g11 = gradient(cx + 1, cy + 1);
+            for (int i = 0; i < cell; ++i) {
+                const double dx = offsets[i], fx = fades[i];
+                const double top = std::lerp(slope(g00, dx, dy), slope(g10, dx - 1, dy), fx);
+                const double bottom =
+                    std::lerp(slope(g01, dx, dy - 1), slope(g11, dx - 1, dy - 1), fx);
+                torus.at(cx * cell + i, y) +=
+                    static_cast<float>(amplitude * std::lerp(top, bottom, fy));
+            }
+        }
+    }
 }
 
 // One leaf: its edge is softened over about a texel.
@@ -74,12 +92,7 @@ void lay_leaf(Torus& torus, Random& random) {
 }  // namespace
 
 Texture::Texture(std::uint64_t seed, double texel, int side)
-    : seed_(seed), texel_(texel), side_(side) {}
-
-const std::vector<Texture::Level>& Texture::levels() const {
-    std::call_once(made_, [this] { make(); });
-    return levels_;
-}
+    : seed_(seed), inverse_texel_(1 / texel), side_(side) {}
 
 void Texture::make() const {
     const int side = side_;
@@ -91,11 +104,12 @@ void Texture::make() const {
     for (int octave = 0; octave < 3; ++octave)
         add_gradient_noise(torus, mixed(seed_ + 1 + octave), side / 128 << octave,
                            40.0 / (1 << octave));
-    levels_.push_back({side, torus.take()});
-    for (float& t : levels_[0].texels) t = std::clamp(t, 0.0F, 255.0F);
+    std::vector<float> texels = torus.take();
+    for (float& t : texels) t = std::clamp(t, 0.0F, 255.0F);
+    levels_.push_back({side, 1, std::move(texels)});
     while (levels_.back().side > 1) {
         const Level& fine = levels_.back();
-        Level coarse{fine.side / 2, {}};
+        Level coarse{fine.side / 2, fine.scale / 2, {}};
         coarse.texels.reserve(fine.texels.size() / 4);
         for (int y = 0; y < fine.side; y += 2)
             for (int x = 0; x < fine.side; x += 2) {
@@ -105,35 +119,34 @@ void Texture::make() const {
             }
         levels_.push_back(std::move(coarse));
     }
+    ready_.store(true, std::memory_order_release);
 }
 
 double Texture::Level::bilinear(double x, double y) const {
-    const double fx = std::floor(x), fy = std::floor(y);
-    const auto wrap = [this](double f) {
-        return static_cast<int>(static_cast<std::int64_t>(f) & (side - 1));
-    };
-    const int x0 = wrap(fx), y0 = wrap(fy), x1 = (x0 + 1) & (side - 1), y1 = (y0 + 1) & (side - 1);
-    const double a = x - fx, b = y - fy;
-    const float* top = &texels[static_cast<size_t>(y0) * side];
-    const float* bottom = &texels[static_cast<size_t>(y1) * side];
-    return (1 - b) * (top[x0] + a * (top[x1] - top[x0])) +
-           b * (bottom[x0] + a * (bottom[x1] - bottom[x0]));
+    x = (x + 0.5) * scale - 0.5;
+    y = (y + 0.5) * scale - 0.5;
+    int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    x0 -= x < x0;  // rounds down, much faster than std::floor without SSE 4.1
+    y0 -= y < y0;
+    const double a = x - x0, b = y - y0;
+    const int mask = side - 1;
+    const float* top = &texels[static_cast<size_t>(y0 & mask) * side];
+    const float* bottom = &texels[static_cast<size_t>((y0 + 1) & mask) * side];
+    const int left = x0 & mask, right = (x0 + 1) & mask;
+    return (1 - b) * (top[left] + a * (top[right] - top[left])) +
+           b * (bottom[left] + a * (bottom[right] - bottom[left]));
 }
 
 double Texture::sample(double u, double v, double footprint) const {
-    const double x = u / texel_, y = v / texel_;
-    const double texels = footprint / texel_;
-    const std::vector<Level>& pyramid = levels();
-    if (texels <= 1) return pyramid[0].bilinear(x, y);
-    const double level = std::min(std::log2(texels), static_cast<double>(pyramid.size() - 1));
-    const auto at_level = [&](size_t k) {
-        const double scale = std::ldexp(1.0, -static_cast<int>(k));
-        return pyramid[k].bilinear((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5);
-    };
+    if (!ready_.load(std::memory_order_acquire)) std::call_once(made_, [this] { make(); });
+    const double x = u * inverse_texel_, y = v * inverse_texel_;
+    const double texels = footprint * inverse_texel_;
+    if (texels <= 1) return levels_[0].bilinear(x, y);
+    const double level = std::min(std::log2(texels), static_cast<double>(levels_.size() - 1));
     const size_t fine = static_cast<size_t>(level);
     const double share = level - static_cast<double>(fine);
-    if (share < 1e-3 || fine + 1 >= pyramid.size()) return at_level(fine);
-    return (1 - share) * at_level(fine) + share * at_level(fine + 1);
+    if (share < 1e-3 || fine + 1 >= levels_.size()) return levels_[fine].bilinear(x, y);
+    return (1 - share) * levels_[fine].bilinear(x, y) + share * levels_[fine + 1].bilinear(x, y);
 }
 
 }  // namespace vio

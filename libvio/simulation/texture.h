@@ -1,6 +1,7 @@
 // Procedural surface textures.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <mutex>
 #include <vector>
@@ -23,17 +24,19 @@ class Texture {
  private:
     struct Level {
         int side;
+        double scale;  ///< side / side of the finest
         std::vector<float> texels;
-        double bilinear(double x, double y) const;  // in texels; texel (0, 0) has its centre there
+        /// At x, y in texels of the finest level, where texel (0, 0) has its centre at (0, 0).
+        double bilinear(double x, double y) const;
     };
 
-    const std::vector<Level>& levels() const;
     void make() const;
 
     std::uint64_t seed_;
-    double texel_;
+    double inverse_texel_;
     int side_;
     mutable std::once_flag made_;
+    mutable std::atomic<bool> ready_{false};
     mutable std::vector<Level> levels_;
 };
 

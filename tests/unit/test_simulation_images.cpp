@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/video/tracking.hpp>
 
-#include "libvio/camera/perspective.h"
 #include "libvio/io/recording.h"
 #include "libvio/simulation/export.h"
+#include "tests/optical_flow.h"
 
 namespace vio {
 namespace {
@@ -20,45 +18,8 @@ bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
            std::equal(a.begin<std::uint8_t>(), a.end<std::uint8_t>(), b.begin<std::uint8_t>());
 }
 
-/// Where a pixel of the first image is seen in the second by the scene's geometry.
-std::optional<Eigen::Vector2d> true_flow(const Scene& scene, const Camera& camera,
-                                         const Pose& T_W_C1, const Pose& T_W_C2,
-                                         const Eigen::Vector2d& uv_px) {
-    const auto ray = camera.ray(uv_px);
-    if (!ray) return std::nullopt;
-    const Eigen::Vector3d origin = T_W_C1 * ray->origin, direction = T_W_C1.R * ray->direction;
-    const auto hit = scene.cast(origin, direction);
-    if (!hit) return std::nullopt;
-    const Eigen::Vector3d p_W = origin + hit->distance * direction;
-    const auto uv2 = camera.project(T_W_C2.inverse() * p_W);
-    if (!uv2 || !camera.inside_image(*uv2, 15)) return std::nullopt;
-    return uv2;
-}
-
-/// Distances between what OpenCV's Lucas-Kanade finds and the true places [px].
-std::vector<double> flow_errors(const Simulation& simulation, int first, int window_px) {
-    const cv::Mat a = simulation.image(first), b = simulation.image(first + 1);
-    const auto T_W_C = [&](int i) { return simulation.truth()[i].T_W_B * simulation.rig().T_B_C; };
-    std::vector<cv::Point2f> corners, found;
-    cv::goodFeaturesToTrack(a, corners, 200, 0.02, 8);
-    std::vector<std::uint8_t> status;
-    std::vector<float> residual;
-    cv::calcOpticalFlowPyrLK(a, b, corners, found, status, residual, {window_px, window_px}, 3,
-                             {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 50, 1e-3});
-    std::vector<double> errors;
-    for (size_t i = 0; i < corners.size(); ++i) {
-        const auto truth = true_flow(simulation.scene(), *simulation.rig().camera, T_W_C(first),
-                                     T_W_C(first + 1), {corners[i].x, corners[i].y});
-        if (!truth || !status[i]) continue;
-        errors.push_back((Eigen::Vector2d(found[i].x, found[i].y) - *truth).norm());
-    }
-    return errors;
-}
-
-double median(std::vector<double> values) {
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
-}
+using test::flow_errors;
+using test::median;
 
 // The camera turns by up to 3 degrees from image to image, which Lucas-Kanade's pure translation
 // feels in proportion to the window; hence a small one.
@@ -85,6 +46,25 @@ TEST(Renderer, OpticalFlowBetweenCloseImagesAgreesFiner) {
         EXPECT_LT(median(errors), 0.1) << "image " << i;
     }
 }
+
+// Every camera model, with blur, noise, vignetting: corners move as the model says.
+class RendererOfCamera : public ::testing::TestWithParam<test::FlowCase> {};
+
+TEST_P(RendererOfCamera, OpticalFlowAgreesWithTrueProjections) {
+    const Simulation simulation(GetParam().options);
+    std::vector<double> errors;
+    for (const int i : {5, 45})
+        for (const double error : flow_errors(simulation, i, 11)) errors.push_back(error);
+    ASSERT_GT(errors.size(), 200u);
+    EXPECT_LT(median(errors), 0.15);
+}
+
+INSTANTIATE_TEST_SUITE_P(Models, RendererOfCamera, ::testing::ValuesIn(test::flow_cases()),
+                         [](const auto& test_case) {
+                             std::string name = test_case.param.name;
+                             std::erase_if(name, [](char c) { return c == ' ' || c == ','; });
+                             return name;
+                         });
 
 ScenarioOptions small_scenario() {
     ScenarioOptions options;
