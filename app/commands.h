@@ -9,6 +9,7 @@ namespace vio::app {
 void add_run(CLI::App& program);
 void add_import(CLI::App& program);
 void add_simulate(CLI::App& program);
+void add_slow(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_render(CLI::App& program);
 void add_export(CLI::App& program);

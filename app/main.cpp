@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
     vio::app::add_run(program);
     vio::app::add_import(program);
     vio::app::add_simulate(program);
+    vio::app::add_slow(program);
     vio::app::add_evaluate(program);
     vio::app::add_render(program);
     vio::app::add_export(program);
