@@ -195,7 +195,7 @@ Scene Scene::make(const std::string& kind, std::uint64_t seed, const SceneLayout
     else if (kind == "plane")
         build.ground(50);
     else if (kind == "far_hills")
-        build.hills(90, 400, 900, 60, 160);
+        build.hills(90, 600, 1200, 60, 160);
     else
         throw InputError("scenario [scene] kind: no scene '" + kind +
                          "'; use arm_cell, room, crane_hall, outdoor, plane or far_hills");

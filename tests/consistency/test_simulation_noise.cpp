@@ -1,0 +1,94 @@
+// The simulated tracks have the errors that they claim: the ground on which NEES stands.
+#include <gtest/gtest.h>
+
+#include "libvio/simulation/scenario.h"
+
+namespace vio {
+namespace {
+
+/// Residuals of the observations against the true points and poses, by feature in order of time.
+std::map<FeatureId, std::vector<Eigen::Vector2d>> residuals(const Simulation& simulation) {
+    std::map<FeatureId, std::vector<Eigen::Vector2d>> all;
+    for (size_t i = 0; i < simulation.truth().size(); ++i) {
+        const Pose T_C_W = (simulation.truth()[i].T_W_B * simulation.rig().T_B_C).inverse();
+        for (const FeatureObservation& o : simulation.tracks().frames[i].features)
+            all[o.feature_id].push_back(o.uv_px -
+                                        *simulation.rig().camera->project(
+                                            T_C_W * simulation.tracks().points_W.at(o.feature_id)));
+    }
+    return all;
+}
+
+ScenarioOptions few_images(int seed) {
+    ScenarioOptions options =
+        ScenarioOptions::from_file(std::string(VIO_SOURCE_DIR) + "/datasets/perspective_arm.ini");
+    options.seed = seed;
+    options.image_count = 12;
+    options.track_model.most = 30;
+    options.track_model.fewest = 25;
+    options.track_model.spacing_px = 20;
+    return options;
+}
+
+// 0.995 quantile of chi-square with n degrees of freedom (Wilson and Hilferty).
+double upper_bound(double n) {
+    const double c = 2 / (9 * n);
+    return n * std::pow(1 - c + 2.5758 * std::sqrt(c), 3);
+}
+double lower_bound(double n) {
+    const double c = 2 / (9 * n);
+    return n * std::pow(1 - c - 2.5758 * std::sqrt(c), 3);
+}
+
+TEST(TrackNoise, IsWhiteWithTheStatedCovarianceOver200Seeds) {
+    constexpr int kSeeds = 200;
+    double squares = 0, count = 0, successive = 0, pairs = 0, across = 0;
+    Eigen::Vector2d axis = Eigen::Vector2d::Zero();
+    int outside = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+        const Simulation simulation(few_images(seed));
+        const double sigma = simulation.options().track_model.noise_px;
+        double sum = 0, n = 0;
+        for (const auto& [id, errors] : residuals(simulation)) {
+            for (size_t k = 0; k < errors.size(); ++k) {
+                const Eigen::Vector2d e = errors[k] / sigma;
+                sum += e.squaredNorm();
+                axis += e.cwiseAbs2();
+                across += e.x() * e.y();
+                n += 1;
+                if (k > 0) successive += e.dot(errors[k - 1]) / sigma, pairs += 1;
+            }
+        }
+        outside += sum < lower_bound(2 * n) || sum > upper_bound(2 * n) ? 1 : 0;
+        squares += sum;
+        count += n;
+    }
+    // Four sigma of each statistic under the claim.
+    EXPECT_NEAR(squares, 2 * count, 4 * std::sqrt(4 * count));
+    EXPECT_NEAR(axis.x(), count, 4 * std::sqrt(2 * count));
+    EXPECT_NEAR(axis.y(), count, 4 * std::sqrt(2 * count));
+    EXPECT_NEAR(across, 0, 4 * std::sqrt(count));
+    EXPECT_NEAR(successive, 0, 4 * std::sqrt(2 * pairs));
+    // One seed in a hundred lies outside its bounds: at most 8 of 200 with probability 0.9998.
+    EXPECT_LE(outside, 8);
+}
+
+TEST(TrackDrift, WalksWithTheStatedVariance) {
+    constexpr int kSeeds = 60;
+    double squares = 0, count = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+        ScenarioOptions options = few_images(seed);
+        options.track_model.noise_px = 0;
+        options.track_model.refind = false;
+        options.track_model.drift_px = 0.3;
+        for (const auto& [id, errors] : residuals(Simulation(options)))
+            for (size_t k = 1; k < errors.size(); ++k) {
+                squares += (errors[k] - errors[k - 1]).squaredNorm() / (0.3 * 0.3);
+                count += 1;
+            }
+    }
+    EXPECT_NEAR(squares, 2 * count, 4 * std::sqrt(4 * count));
+}
+
+}  // namespace
+}  // namespace vio
