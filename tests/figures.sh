@@ -87,3 +87,7 @@ if [[ -d $DATA/euroc_mh01_15s ]]; then
     echo "MH_01, against the batch estimate"
     "$TRACKS" "$OUT/mh01.rawlog" "$OUT/MH_01_15_s__batch/trajectory.tum"
 fi
+
+echo
+echo "Scenarios beside the experiments that they imitate"
+"$VIO_SLAM" statistics datasets/{perspective_arm,crane,rover,rover_sparse}.ini

@@ -51,9 +51,10 @@ class TrackSimulator {
 
     void keep_visible() {
         std::erase_if(tracks_, [&](Track& track) {
+            if (model_.longest > 0 && track.images >= model_.longest) return true;
             const auto uv = seen(track.followed_W);
             if (!uv && model_.refind) lost_.push_back(track);
-            if (!uv || (model_.longest > 0 && track.images >= model_.longest)) return true;
+            if (!uv) return true;
             if (model_.loss_rate > 0 && random_.uniform() < model_.loss_rate) return true;
             track.uv_px = *uv;
             return false;

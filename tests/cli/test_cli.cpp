@@ -85,9 +85,8 @@ class Cli : public ::testing::Test {
 };
 
 TEST_F(Cli, HelpOfEveryCommandGoesToStandardOutput) {
-    for (const char* command :
-         {"", "run", "import", "import asl", "simulate", "slow", "evaluate", "render", "info",
-          "statistics"}) {
+    for (const char* command : {"", "run", "import", "import asl", "simulate", "slow", "evaluate",
+                                "render", "info", "statistics"}) {
         const ProgramResult result = run(std::string(command) + " --help");
         EXPECT_EQ(result.exit_code, 0) << command;
         EXPECT_NE(result.out.find("--help"), std::string::npos) << command;
@@ -109,6 +108,7 @@ TEST_F(Cli, MissingFile) {
     const std::string gone = folder_ / "gone";
     write_text(folder_ / "truth.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 1 1 0 0 0 0 1\n");
     expect_error("run " + gone + output(), {gone});
+    expect_error("statistics " + gone, {gone});
     expect_error("run " + rawlog({}) + " --config " + gone + output(), {gone});
     expect_error("run " + rawlog({}) + " --calibration " + gone + output(), {gone});
     expect_error("import asl " + gone + " -o " + folder_ / "x.rawlog", {gone});
@@ -243,6 +243,17 @@ TEST_F(Cli, RenderRefusesWhatItCannotDraw) {
     expect_error("render " + rawlog({}) + " -o " + folder_ / "x.gif", {"x.gif"});
     expect_error("render " + rawlog({true, false, true}) + " -o " + folder_ / "x.png",
                  {"input.rawlog", "no images"});
+}
+
+TEST_F(Cli, StatisticsPrintsATablePerScenario) {
+    const std::string arm = VIO_SOURCE_DIR "/datasets/perspective_arm.ini";
+    const ProgramResult result = run("statistics " + arm + " " + arm + " --set tracks.most=9");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("| perspective arm | paper | simulated | deviation |"),
+              std::string::npos);
+    EXPECT_EQ(std::count(result.out.begin(), result.out.end(), '\n'), 2 * 11 + 1) << result.out;
+    expect_error("statistics " + arm + " --set tracks.most=few", {"tracks", "most", "few"});
+    expect_error("statistics " + arm + " --set scenario.start_time=-1", {"start_time"});
 }
 
 TEST_F(Cli, InfoListsStreamsAndCalibration) {
