@@ -8,6 +8,7 @@ namespace vio::app {
 
 void add_run(CLI::App& program);
 void add_import(CLI::App& program);
+void add_track(CLI::App& program);
 void add_simulate(CLI::App& program);
 void add_slow(CLI::App& program);
 void add_evaluate(CLI::App& program);

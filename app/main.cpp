@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
     program.require_subcommand(0, 1);
     vio::app::add_run(program);
     vio::app::add_import(program);
+    vio::app::add_track(program);
     vio::app::add_simulate(program);
     vio::app::add_slow(program);
     vio::app::add_evaluate(program);

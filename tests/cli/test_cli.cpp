@@ -85,8 +85,8 @@ class Cli : public ::testing::Test {
 };
 
 TEST_F(Cli, HelpOfEveryCommandGoesToStandardOutput) {
-    for (const char* command : {"", "run", "import", "import asl", "simulate", "slow", "evaluate",
-                                "render", "info", "statistics"}) {
+    for (const char* command : {"", "run", "import", "import asl", "track", "simulate", "slow",
+                                "evaluate", "render", "info", "statistics"}) {
         const ProgramResult result = run(std::string(command) + " --help");
         EXPECT_EQ(result.exit_code, 0) << command;
         EXPECT_NE(result.out.find("--help"), std::string::npos) << command;
@@ -114,6 +114,7 @@ TEST_F(Cli, MissingFile) {
     expect_error("import asl " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("simulate " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("slow " + gone + " -o " + folder_ / "x.rawlog", {gone});
+    expect_error("track " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("evaluate " + gone + " --against " + folder_ / "truth.tum", {gone});
     expect_error("evaluate " + folder_ / "truth.tum" + " --against " + gone, {gone});
     expect_error("render " + gone + " -o " + folder_ / "x.png", {gone});
@@ -193,6 +194,24 @@ TEST_F(Cli, ForeignFile) {
     expect_error("evaluate " + file + " --against " + file, {file});
     expect_error("import asl " + file + " -o " + folder_ / "x.rawlog", {file});
     expect_error("simulate " + file + " -o " + folder_ / "x.rawlog", {file});
+}
+
+TEST_F(Cli, TracksInPlaceOfImagesGiveTheSameEstimate) {
+    const std::string images = VIO_SOURCE_DIR "/datasets/demo.rawlog";
+    const std::string tracks = folder_ / "tracks.rawlog";
+    const ProgramResult result = run("track " + images + " -o " + tracks);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("152 images"), std::string::npos) << result.out;
+    expect_error("track " + tracks + " -o " + folder_ / "x.rawlog", {tracks, "no images"});
+    expect_error("track " + tracks + " -o " + tracks, {tracks});
+    for (const std::string& rawlog : {images, tracks})
+        ASSERT_EQ(run("run " + rawlog + " --estimator batch --to 0.7 --output " +
+                      folder_ / (rawlog == images ? "a" : "b"))
+                      .exit_code,
+                  0);
+    const std::string a = read_text(folder_ / "a/trajectory.tum");
+    EXPECT_FALSE(a.empty());
+    EXPECT_EQ(a, read_text(folder_ / "b/trajectory.tum"));
 }
 
 TEST_F(Cli, RunWithoutImu) {

@@ -1,10 +1,11 @@
 // How good feature tracks are, with the tracker's parts switched off one by one:
-//   vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] [--set tracker.KEY=VALUE]...
+//   vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] [--set SECTION.KEY=VALUE]...
 // Judged by the true poses (T_W_B at the images): share of the observations whose epipolar error
 // against the track's first observation is under 2 px, with the truth as it is and with its
 // mounting and clock fitted to the tracks. With the scenario that the rawlog's images were rendered
 // from also by the true points: each track's first observation is cast onto the scene, and every
-// later one compared with that point's projection.
+// later one compared with that point's projection. --set changes the tracker's options and the
+// scenario's.
 #include <algorithm>
 #include <cstdio>
 #include <functional>
@@ -367,10 +368,15 @@ int measure(const std::vector<std::string>& files, const std::vector<std::string
     vio::TrackerOptions options;
     vio::OptionSet declared;
     options.describe(declared);
-    for (const std::string& assignment : assignments) declared.set(assignment);
+    vio::ScenarioOptions scenario;
+    if (files.size() > 2) scenario = vio::ScenarioOptions::from_file(files[2]);
+    vio::OptionSet of_scenario;
+    scenario.describe(of_scenario);
+    for (const std::string& assignment : assignments)
+        (assignment.rfind("tracker.", 0) == 0 ? declared : of_scenario).set(assignment);
     Input input = read_input(files[0], files[1]);
     std::optional<vio::Simulation> simulation;
-    if (files.size() > 2) simulation.emplace(vio::ScenarioOptions::from_file(files[2]));
+    if (files.size() > 2) simulation.emplace(scenario);
     const vio::Simulation* truth = simulation ? &*simulation : nullptr;
 
     {
@@ -411,7 +417,7 @@ int main(int argc, char** argv) {
     if (files.size() < 2 || files.size() > 3) {
         std::fprintf(stderr,
                      "usage: vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] "
-                     "[--set tracker.KEY=VALUE]...\n");
+                     "[--set SECTION.KEY=VALUE]...\n");
         return 2;
     }
     try {
