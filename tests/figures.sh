@@ -77,6 +77,17 @@ if [[ -d $DATA/euroc_imu_april ]]; then
     row "board, IEKF, 72 s" "${april[@]}" 0 --estimator iekf
 fi
 
+# Failures are part of the picture: silent divergence shows as a large error at full completion.
+mkdir -p "$OUT/stress"
+for scenario in datasets/stress/*.ini; do
+    name=$(basename "$scenario" .ini)
+    made="$OUT/stress/$name"
+    "$VIO_SLAM" simulate "$scenario" -o "$made.rawlog" >/dev/null
+    align=yaw
+    [[ $name == pure_rotation ]] && align=none # no path to align
+    row "stress: $name, IEKF" "$made.rawlog" "$made.truth.tum" "$align" 0 --estimator iekf
+done
+
 echo
 echo "Tracks (legend: tests/tools/track_quality.cpp)"
 readonly TRACKS=build/release/tests/vio_track_quality
