@@ -7,6 +7,7 @@
 
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
+#include "libvio/batch/observability.h"
 #include "libvio/batch/start.h"
 
 namespace vio {
@@ -38,6 +39,7 @@ void BatchOptions::describe(OptionSet& o) {
     o.add("cost_tolerance", &cost_tolerance, "", {0, 1}, "relative decrease that ends it");
     o.add("outlier_sigmas", &outlier_sigmas, "standard deviations", {0, 1e6},
           "observations further off than this are dropped after convergence; 0: none");
+    o.add("threads", &threads, "", {0, 64}, "threads; 0: one for each processor");
     o.add("covariances", &covariances, "compute covariances of states and landmarks");
 }
 
@@ -52,18 +54,22 @@ struct Course {
     Model model;
     State state;
     MinimizeReport last;
-    int iterations = 0;
+    BatchReport sums;  // iterations and times so far
 };
 
 void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
-    NormalEquations equations(course.model, make_layout(course.model, course.options));
+    NormalEquations equations(course.model, make_layout(course.model, course.options),
+                              thread_count(course.options));
     Objective objective(course.model, course.options, stage);
     const MinimizeReport report = minimize(objective, equations, limits, course.state);
-    course.iterations += report.iterations;
-    const Cost initial =
-        course.iterations == report.iterations ? report.initial : course.last.initial;
+    BatchReport& sums = course.sums;
+    if (sums.iterations == 0) sums.initial_cost = report.initial.total();
+    sums.iterations += report.iterations;
+    sums.rejected_steps += report.rejected;
+    sums.linearize_s += report.linearize_s;
+    sums.solve_s += report.solve_s;
+    sums.evaluate_s += report.evaluate_s;
     course.last = report;
-    course.last.initial = initial;
 }
 
 bool gravity_known(const Course& course) {
@@ -176,20 +182,41 @@ void hold_scale(const Model& model, const State& state, NormalEquations& equatio
         direction * direction.transpose() / (sigma * sigma);
 }
 
+double seconds_since(Clock::time_point began) {
+    return std::chrono::duration<double>(Clock::now() - began).count();
+}
+
 BatchReport make_report(const Course& course, Clock::time_point began) {
-    BatchReport report;
+    BatchReport report = course.sums;
     report.converged = course.last.converged;
     report.reason = course.last.reason;
-    report.iterations = course.iterations;
-    report.initial_cost = course.last.initial.total();
     report.final_cost = course.last.final.total();
     report.image_cost = course.last.final.image;
     report.inertial_cost = course.last.final.inertial;
     report.prior_cost = course.last.final.prior;
+    report.gradient = course.last.gradient;
     for (const Observation& observation : course.model.observations)
         ++(observation.active ? report.observations : report.outliers);
-    report.seconds = std::chrono::duration<double>(Clock::now() - began).count();
+    report.seconds = seconds_since(began);
     return report;
+}
+
+// Says in the report what the measurements leave open.
+void judge_solution(const Course& course, const Objective& objective, NormalEquations& equations,
+                    bool singular, BatchReport& report) {
+    if (singular) {
+        report.undetermined = {name_null_space(course.model, equations)};
+    } else {
+        report.reciprocal_condition = equations.factor().reciprocal_condition();
+        const Observability found = judge(course.model, objective, course.state, equations);
+        report.scale_sigma = found.scale_sigma;
+        report.undetermined = found.undetermined;
+    }
+    if (report.undetermined.empty()) return;
+    report.converged = false;
+    report.reason = "not determined by the measurements: ";
+    for (const std::string& what : report.undetermined)
+        report.reason += (&what == &report.undetermined.front() ? "" : "; ") + what;
 }
 
 }  // namespace
@@ -198,7 +225,7 @@ BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& opti
                            const std::optional<Estimate>& start, bool want_tail) {
     const auto began = Clock::now();
     const int images = static_cast<int>(problem.frames.size());
-    Course course{problem, options, {}, {}, {}, 0};
+    Course course{problem, options, {}, {}, {}, {}};
 
     // 1. A first estimate of everything.
     if (start) {
@@ -210,6 +237,7 @@ BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& opti
     } else {
         start_staged(course);
     }
+    course.sums.start_s = seconds_since(began);
     BatchResult result;
     if (course.model.inertial && !gravity_known(course)) {
         result.report = make_report(course, began);
@@ -221,10 +249,13 @@ BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& opti
     // 2. The minimum over everything, without outliers.
     minimize_all(course);
 
-    // 3. What is published: frames, covariances.
+    course.sums.minimize_s = seconds_since(began) - course.sums.start_s;
+
+    // 3. What is published: frames, covariances, and what they leave open.
     const Stage stage{options.gravity == "free", options.loss};
     Objective objective(course.model, options, stage);
-    NormalEquations equations(course.model, make_layout(course.model, options));
+    NormalEquations equations(course.model, make_layout(course.model, options),
+                              objective.threads());
     objective.linearize(course.state, equations);
     if (!course.model.inertial && !course.model.surveyed())
         hold_scale(course.model, course.state, equations);
@@ -232,15 +263,9 @@ BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& opti
     result.estimate = publish(course.model, objective, course.state,
                               options.covariances ? &equations : nullptr, singular);
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
+    course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);
-    if (options.covariances && !singular)
-        result.report.reciprocal_condition = equations.factor().reciprocal_condition();
-    if (singular) {
-        result.report.converged = false;
-        result.report.reason =
-            "the information matrix is singular: the motion or the points leave "
-            "some unknowns undetermined";
-    }
+    if (options.covariances) judge_solution(course, objective, equations, singular, result.report);
     return result;
 }
 

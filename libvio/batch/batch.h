@@ -46,6 +46,7 @@ struct BatchOptions {
     double cost_tolerance = 1e-8;
     double outlier_sigmas = 5.0;  ///< observations beyond are dropped after convergence
     bool covariances = true;
+    int threads = 0;  ///< 0: one for each processor; results do not depend on it
 
     void describe(OptionSet& options);
 };
@@ -54,11 +55,19 @@ struct BatchOptions {
 struct BatchReport {
     bool converged = false;
     std::string reason;  ///< why it stopped, in words
-    int iterations = 0;
+    int iterations = 0, rejected_steps = 0;
     double initial_cost = 0, final_cost = 0;
     double image_cost = 0, inertial_cost = 0, prior_cost = 0;
     int observations = 0, outliers = 0;
+    double gradient = 0;  ///< relative decrease of the cost that one more step promises
+    /// Quantities that the measurements do not determine, in words; empty: all are determined.
+    std::vector<std::string> undetermined;
+    double scale_sigma = 0;  ///< relative standard deviation of the path's scale; 0: not estimated
     double seconds = 0;
+    /// Of these: for the first estimate, the final minimisation, covariances; and of both
+    /// minimisations: derivatives, linear systems, trial costs.
+    double start_s = 0, minimize_s = 0, covariance_s = 0;
+    double linearize_s = 0, solve_s = 0, evaluate_s = 0;
     /// Of the reduced system at the solution, a cheap estimate; 0: not computed, or singular.
     double reciprocal_condition = 0;
 };
@@ -78,10 +87,11 @@ struct BatchResult {
     std::optional<BatchTail> tail;  ///< if asked for
 };
 
-/// Runs the estimator. `start`, if given, holds a state for every frame (by time); its landmarks
-/// are optional. Throws InputError for input that cannot be estimated from (too few images, no
-/// common features, IMU that does not cover the images); a failed minimisation is reported, not
-/// thrown.
+/// Runs the estimator. `start`, if given, holds states of frames (by time); those of others
+/// follow by the inertial readings. Its landmarks are optional. Throws InputError for input that
+/// cannot be estimated from (too few images, no common features, IMU that does not cover the
+/// images). A failed start or minimisation, and quantities that remain undetermined, are reported
+/// (`converged` false, `reason`), not thrown.
 BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
                            const std::optional<Estimate>& start = std::nullopt,
                            bool want_tail = false);

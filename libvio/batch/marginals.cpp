@@ -154,7 +154,8 @@ class Marginals {
             const int k = equations_.matrix.offset(layout_.border_block(slot));
             if (layout_.inertial)
                 cross = with_global_.block<3, 3>(k, 0) * gravity_jacobian_.transpose();
-            return {inverse_.block(k, 3, k, 3), cross};
+            const int block = layout_.border_block(slot);
+            return {inverse_.block(block, block), cross};
         }
         // X = -V^-1 W^T x + noise of V^-1: sum over the pairs of images that see it.
         const Point& p = model_.points[j];
@@ -170,7 +171,8 @@ class Marginals {
             const int row = layout_.index(frames[a], 0);
             for (size_t c = 0; c <= a; ++c) {
                 const Eigen::Matrix3d part =
-                    T[a].transpose() * pose_pair(row, layout_.index(frames[c], 0)) * T[c];
+                    T[a].transpose() *
+                    pair(layout_.pose_block(frames[a]), layout_.pose_block(frames[c])) * T[c];
                 S += part;
                 if (c != a) S += part.transpose();
             }
@@ -188,11 +190,19 @@ class Marginals {
     }
     double entry(int frame, int r, int c) const {
         if (!known(frame, r) || !known(frame, c)) return 0;
-        return inverse_.block(layout_.index(frame, r), 1, layout_.index(frame, c), 1)(0, 0);
+        const auto block = [&](int component) {
+            return component < 6                             ? layout_.pose_block(frame)
+                   : component < 9 || layout_.bias_per_frame ? layout_.motion_block(frame)
+                                                             : layout_.global_block();
+        };
+        const int R = block(r), C = block(c);
+        const int row = layout_.index(frame, r) - equations_.matrix.offset(R),
+                  col = layout_.index(frame, c) - equations_.matrix.offset(C);
+        return pair(R, C)(row, col);
     }
-    const Eigen::MatrixXd& pose_pair(int row, int col) const {
-        auto& cached = pairs_[{row, col}];
-        if (cached.size() == 0) cached = inverse_.block(row, 6, col, 6);
+    const Eigen::MatrixXd& pair(int row_block, int col_block) const {
+        auto& cached = pairs_[{row_block, col_block}];
+        if (cached.size() == 0) cached = inverse_.block(row_block, col_block);
         return cached;
     }
 

@@ -1,9 +1,11 @@
 #include "libvio/batch/model.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
 #include <string>
+#include <thread>
 
 namespace vio::batch {
 namespace {
@@ -12,8 +14,48 @@ std::string at_time(TimeNs t) {
     return "(t = " + std::to_string(t) + " ns)";
 }
 
+// How gyro and accelerometer change from reading to reading: spacing and mean squared change per
+// second, as those of a random walk.
+struct ReadingChange {
+    double spacing = 0;          // median [s]
+    double gyro = 0, accel = 0;  // of one axis [(rad/s)^2/s], [(m/s^2)^2/s]
+};
+
+ReadingChange reading_change(const std::vector<ImuReading>& readings) {
+    ReadingChange change;
+    std::vector<double> spacings;
+    for (size_t k = 1; k < readings.size(); ++k) {
+        const ImuReading &a = readings[k - 1], &b = readings[k];
+        spacings.push_back(to_seconds(b.t - a.t));
+        change.gyro += (b.gyro - a.gyro).squaredNorm() / 3;
+        change.accel += (b.accel - a.accel).squaredNorm() / 3;
+    }
+    if (spacings.empty()) return change;
+    const double span = to_seconds(readings.back().t - readings.front().t);
+    change.gyro /= span;
+    change.accel /= span;
+    const auto middle = spacings.begin() + static_cast<std::ptrdiff_t>(spacings.size() / 2);
+    std::nth_element(spacings.begin(), middle, spacings.end());
+    change.spacing = *middle;
+    return change;
+}
+
+// Noise of the readings in an interval with a gap: what is interpolated across it errs like a
+// random walk that is held at both ends, whose mean over the gap has variance q gap / 12.
+ImuNoise with_gap(ImuNoise noise, const ReadingChange& change, double gap) {
+    constexpr double kGap = 2.5;  // in spacings
+    if (gap <= kGap * change.spacing) return noise;
+    const auto inflated = [&](double density, double q) {
+        return std::sqrt(density * density + q * gap * gap / 12);
+    };
+    noise.gyro_noise_density = inflated(noise.gyro_noise_density, change.gyro);
+    noise.accel_noise_density = inflated(noise.accel_noise_density, change.accel);
+    return noise;
+}
+
 void index_inertial(Model& model, const BatchProblem& problem) {
     const TimeNs offset = from_seconds(problem.rig.time_offset);
+    const ReadingChange change = reading_change(problem.imu.readings());
     for (int i = 0; i < model.frames(); ++i) {
         const TimeNs t = model.times[i] + offset;
         const auto reading = problem.imu.interpolate(t);
@@ -21,7 +63,11 @@ void index_inertial(Model& model, const BatchProblem& problem) {
             throw InputError("image " + at_time(model.times[i]) +
                              ": no IMU readings at its time; cut the images to the IMU's span");
         model.gyro_at_image.push_back(reading->gyro);
-        if (i > 0) model.segments.push_back(*problem.imu.segments(model.times[i - 1] + offset, t));
+        if (i == 0) continue;
+        const TimeNs before = model.times[i - 1] + offset;
+        model.segments.push_back(*problem.imu.segments(before, t));
+        model.interval_noise.push_back(
+            with_gap(model.noise, change, problem.imu.largest_gap(before, t)));
     }
 }
 
@@ -105,6 +151,11 @@ int Layout::index(int frame, int component) const {
 
 int Layout::gravity_index() const {
     return inertial ? global_index() : -1;
+}
+
+int thread_count(const BatchOptions& options) {
+    const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    return options.threads == 0 ? processors : std::min(options.threads, processors);
 }
 
 Layout make_layout(const Model& model, const BatchOptions& options) {

@@ -30,6 +30,7 @@ struct Model {
     bool inertial = false;
     std::vector<TimeNs> times;                      ///< of the images, camera clock
     std::vector<std::vector<ImuSegment>> segments;  ///< [i]: readings from image i to i + 1
+    std::vector<ImuNoise> interval_noise;           ///< [i]: theirs, gaps between readings included
     std::vector<Eigen::Vector3d> gyro_at_image;     ///< measured [rad/s]
     std::vector<Point> points;
     std::vector<Observation> observations;
@@ -81,6 +82,9 @@ struct Layout {
     int frame_dim() const { return 6 + (inertial ? motion_dim() : 0); }
     int global_index() const { return frames * frame_dim() + 3 * border_points; }
 };
+
+/// Threads to use: as the options say, at most what the processor has.
+int thread_count(const BatchOptions& options);
 
 /// Points seen in more images than this are kept in the border: eliminating them would make the
 /// reduced system dense.

@@ -3,9 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-namespace vio::batch {
+#include "libvio/batch/parallel.h"
 
-BlockMatrix NormalEquations::make_matrix(const Model& model, const Layout& layout) {
+namespace vio::batch {
+namespace {
+
+constexpr int kPieces = 16;  // that loops over points are cut into
+
+BlockMatrix make_matrix(const Model& model, const Layout& layout) {
     std::vector<std::pair<int, int>> pairs;
     const int global = layout.global_block();
     for (int i = 0; layout.inertial && i < layout.frames; ++i) {
@@ -17,23 +22,82 @@ BlockMatrix NormalEquations::make_matrix(const Model& model, const Layout& layou
             for (int col : {layout.pose_block(i - 1), layout.motion_block(i - 1)})
                 pairs.emplace_back(row, col);
     }
-    for (size_t j = 0; j < model.points.size(); ++j) {
-        const Observation* first = &model.observations[model.points[j].first_observation];
-        const Observation* end = first + model.points[j].observation_count;
-        const int slot = layout.border_of_point[j];
-        for (const Observation* a = first; a != end; ++a) {
-            const int block = layout.pose_block(a->frame_idx);
-            if (slot >= 0)
-                pairs.emplace_back(layout.border_block(slot), block);
-            else
-                for (const Observation* c = first; c != a; ++c)
-                    pairs.emplace_back(block, layout.pose_block(c->frame_idx));
-        }
-    }
+    for (const Observation& observation : model.observations)
+        if (const int slot = layout.border_of_point[observation.point_idx]; slot >= 0)
+            pairs.emplace_back(layout.border_block(slot), layout.pose_block(observation.frame_idx));
     return BlockMatrix(layout.block_dims(), std::move(pairs));
 }
 
-NormalEquations::NormalEquations(const Model& model, const Layout& layout)
+// The images of each eliminated point.
+BlockSets make_sets(const Model& model, const Layout& layout) {
+    BlockSets sets;
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        const Point& point = model.points[j];
+        sets.terms.push_back(point.first_observation);
+        if (layout.border_of_point[j] < 0)
+            for (int k = 0; k < point.observation_count; ++k)
+                sets.blocks.push_back(
+                    layout.pose_block(model.observations[point.first_observation + k].frame_idx));
+        sets.first.push_back(static_cast<int>(sets.blocks.size()));
+    }
+    return sets;
+}
+
+struct Frames {
+    int first, last;
+};
+
+Frames frames_of(const Model& model, const Point& point) {
+    const Observation* begin = &model.observations[point.first_observation];
+    return {begin->frame_idx, begin[point.observation_count - 1].frame_idx};
+}
+
+// The images that stand between two halves of the problem: no eliminated point is seen in both
+// halves. Empty (first > last) where the problem does not come apart.
+Frames find_separator(const Model& model, const Layout& layout) {
+    const int n = layout.frames;
+    std::vector<int> reach(n, 0);  // last image of points that begin at or before each image
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        if (layout.border_of_point[j] >= 0) continue;
+        const Frames seen = frames_of(model, model.points[j]);
+        reach[seen.first] = std::max(reach[seen.first], seen.last);
+    }
+    for (int i = 1; i < n; ++i) reach[i] = std::max(reach[i], reach[i - 1]);
+    Frames best{0, -1};
+    int best_cost = 3 * n / 4;
+    for (int first = 1; first + 1 < n; ++first) {
+        const int last = std::max(first, reach[first - 1]);
+        const int cost = std::max(first, n - 1 - last) + (last - first + 1);
+        if (cost >= best_cost) continue;
+        best_cost = cost;
+        best = {first, last};
+    }
+    return best;
+}
+
+std::vector<Part> make_parts(const Model& model, const Layout& layout) {
+    const Frames separator = find_separator(model, layout);
+    const auto part_of = [&](const Frames& seen) {
+        if (seen.last < separator.first || separator.last < separator.first)
+            return Part::first_half;
+        if (seen.first > separator.last) return Part::second_half;
+        if (seen.first < separator.first && seen.last <= separator.last) return Part::first_half;
+        if (seen.first >= separator.first && seen.last > separator.last) return Part::second_half;
+        return Part::between;
+    };
+    std::vector<Part> parts;
+    for (int i = 0; i < layout.frames; ++i)
+        parts.insert(parts.end(), layout.blocks_per_frame(), part_of({i, i}));
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (layout.border_of_point[j] >= 0)
+            parts.push_back(part_of(frames_of(model, model.points[j])));
+    if (layout.inertial) parts.push_back(Part::last);
+    return parts;
+}
+
+}  // namespace
+
+NormalEquations::NormalEquations(const Model& model, const Layout& layout, int threads)
     : matrix(make_matrix(model, layout)),
       gradient(Eigen::VectorXd::Zero(matrix.size())),
       V(model.points.size()),
@@ -41,19 +105,10 @@ NormalEquations::NormalEquations(const Model& model, const Layout& layout)
       W(model.observations.size()),
       model_(model),
       layout_(layout),
-      reduced_(matrix),
-      factor_(reduced_),
-      V_inverse_(model.points.size(), Eigen::Matrix3d::Zero()) {
-    for (size_t j = 0; j < model.points.size(); ++j) {
-        first_pair_.push_back(pair_positions_.size());
-        if (layout.border_of_point[j] >= 0) continue;
-        const Observation* first = &model.observations[model.points[j].first_observation];
-        for (int a = 0; a < model.points[j].observation_count; ++a)
-            for (int c = 0; c <= a; ++c)
-                pair_positions_.push_back(matrix.position(layout.pose_block(first[a].frame_idx),
-                                                          layout.pose_block(first[c].frame_idx)));
-    }
-}
+      threads_(threads),
+      factor_(matrix, make_sets(model, layout), make_parts(model, layout), threads),
+      V_root_(model.points.size(), Eigen::Matrix3d::Zero()),
+      damping_(Eigen::VectorXd::Zero(matrix.size())) {}
 
 void NormalEquations::set_zero() {
     matrix.set_zero();
@@ -67,82 +122,55 @@ double NormalEquations::damping(double diagonal) const {
     return lambda_ * std::clamp(diagonal, 1e-6, 1e32);
 }
 
-void NormalEquations::eliminate_point(int point_idx) {
-    const Point& point = model_.points[point_idx];
-    const int* position = pair_positions_.data() + first_pair_[point_idx];
-    const Eigen::Matrix3d& Vi = V_inverse_[point_idx];
-    for (int a = 0; a < point.observation_count; ++a) {
-        const int obs = point.first_observation + a;
-        if (!model_.observations[obs].active) {
-            position += a + 1;
-            continue;
-        }
-        const Matrix63d T = W[obs] * Vi;
-        const int block = layout_.pose_block(model_.observations[obs].frame_idx);
-        reduced_gradient_.segment<6>(reduced_.offset(block)).noalias() -= T * b[point_idx];
-        for (int c = 0; c <= a; ++c, ++position) {
-            const int other = point.first_observation + c;
-            const int col = layout_.pose_block(model_.observations[other].frame_idx);
-            Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>> S(
-                reduced_.values().data() + *position, Eigen::OuterStride<>(reduced_.stride(col)));
-            S.noalias() -= T * W[other].transpose();
-        }
-    }
-}
-
 bool NormalEquations::eliminate(double lambda) {
     lambda_ = lambda;
-    reduced_.values() = matrix.values();
-    reduced_gradient_ = gradient;
-    for (size_t j = 0; j < V.size(); ++j) {
-        Eigen::Matrix3d damped = V[j];
-        const int slot = layout_.border_of_point[j];
-        if (slot >= 0) {
-            const int block = layout_.border_block(slot);
-            reduced_.block(block, block) += damped;
-            reduced_gradient_.segment<3>(reduced_.offset(block)) += b[j];
-            continue;
+    for (int k = 0; k < matrix.size(); ++k) damping_(k) = damping(matrix.diagonal(k));
+    bool good[kPieces];
+    const int count = static_cast<int>(V.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        good[piece] = true;
+        for (int j = piece_begin(count, kPieces, piece); j < piece_begin(count, kPieces, piece + 1);
+             ++j) {
+            if (layout_.border_of_point[j] >= 0) continue;
+            Eigen::Matrix3d damped = V[j];
+            for (int k = 0; k < 3; ++k) damped(k, k) += damping(damped(k, k));
+            const Eigen::LLT<Eigen::Matrix3d> llt(damped);
+            good[piece] &= llt.info() == Eigen::Success;
+            V_root_[j].setIdentity();
+            llt.matrixU().solveInPlace(V_root_[j]);
         }
-        for (int k = 0; k < 3; ++k) damped(k, k) += damping(damped(k, k));
-        V_inverse_[j] = damped.inverse();
-        if (!V_inverse_[j].allFinite()) return false;
-        eliminate_point(static_cast<int>(j));
-    }
-    reduced_diagonal_.resize(reduced_.size());
-    for (int k = 0; k < reduced_.size(); ++k) reduced_diagonal_(k) = matrix.diagonal(k);
-    for (size_t j = 0; j < V.size(); ++j)
-        if (layout_.border_of_point[j] >= 0)
-            reduced_diagonal_.segment<3>(reduced_.offset(
-                layout_.border_block(layout_.border_of_point[j]))) = V[j].diagonal();
-    if (lambda > 0)
-        for (int k = 0; k < reduced_.size(); ++k)
-            reduced_.diagonal(k) += damping(reduced_diagonal_(k));
-    return true;
+    });
+    if (!std::all_of(good, good + kPieces, [](bool g) { return g; })) return false;
+    return factor_.factorize({matrix, damping_, gradient, W, V_root_, b});
 }
 
-bool NormalEquations::factorize() {
-    return eliminate(0) && factor_.factorize(reduced_);
+bool NormalEquations::factorize(double lambda) {
+    return eliminate(lambda);
 }
 
 bool NormalEquations::solve(double lambda, Step& step) {
-    if (!eliminate(lambda) || !factor_.factorize(reduced_)) return false;
-    step.reduced = factor_.solve(-reduced_gradient_);
-    step.points.assign(V.size(), Eigen::Vector3d::Zero());
-    for (size_t j = 0; j < V.size(); ++j) {
-        const int slot = layout_.border_of_point[j];
-        if (slot >= 0) {
-            step.points[j] = step.reduced.segment<3>(reduced_.offset(layout_.border_block(slot)));
-            continue;
+    if (!eliminate(lambda)) return false;
+    factor_.solve(step.reduced);
+    step.reduced *= -1;
+    step.points.resize(V.size());
+    const int count = static_cast<int>(V.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        for (int j = piece_begin(count, kPieces, piece); j < piece_begin(count, kPieces, piece + 1);
+             ++j) {
+            const int slot = layout_.border_of_point[j];
+            if (slot >= 0) {
+                step.points[j] = step.reduced.segment<3>(matrix.offset(layout_.border_block(slot)));
+                continue;
+            }
+            Eigen::Vector3d rhs = b[j];
+            const Point& point = model_.points[j];
+            for (int k = point.first_observation;
+                 k < point.first_observation + point.observation_count; ++k)
+                rhs.noalias() += W[k].transpose() * step.reduced.segment<6>(layout_.index(
+                                                        model_.observations[k].frame_idx, 0));
+            step.points[j] = -(V_root_[j] * (V_root_[j].transpose() * rhs));
         }
-        Eigen::Vector3d rhs = b[j];
-        const Point& point = model_.points[j];
-        for (int k = point.first_observation; k < point.first_observation + point.observation_count;
-             ++k) {
-            const int block = layout_.pose_block(model_.observations[k].frame_idx);
-            rhs.noalias() += W[k].transpose() * step.reduced.segment<6>(reduced_.offset(block));
-        }
-        step.points[j] = -(V_inverse_[j] * rhs);
-    }
+    });
     return step.reduced.allFinite();
 }
 
@@ -150,12 +178,12 @@ double NormalEquations::predicted_decrease(const Step& step) const {
     // For the damped solution: dx^T (lambda D dx - g), cost being the sum of squares (no 1/2).
     double sum = 0;
     for (int k = 0; k < step.reduced.size(); ++k)
-        sum += step.reduced(k) * (damping(reduced_diagonal_(k)) * step.reduced(k) - gradient(k));
+        sum += step.reduced(k) * (damping_(k) * step.reduced(k) - gradient(k));
     for (size_t j = 0; j < V.size(); ++j) {
+        if (layout_.border_of_point[j] >= 0) continue;  // counted with the reduced unknowns
         sum -= step.points[j].dot(b[j]);
-        if (layout_.border_of_point[j] < 0)
-            for (int k = 0; k < 3; ++k)
-                sum += step.points[j](k) * step.points[j](k) * damping(V[j](k, k));
+        for (int k = 0; k < 3; ++k)
+            sum += step.points[j](k) * step.points[j](k) * damping(V[j](k, k));
     }
     return sum;
 }

@@ -1,7 +1,10 @@
 #include "libvio/batch/objective.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "libvio/batch/parallel.h"
 #include "libvio/geometry/so3.h"
 
 namespace vio::batch {
@@ -9,6 +12,13 @@ namespace {
 
 // Surveyed positions given without covariance are held this tightly [m].
 constexpr double kExactSurvey = 1e-5;
+
+// Pieces that loops over points and over intervals are cut into.
+constexpr int kPieces = 16;
+
+// Biases may move this far [rad/s], [m/s^2] from those that readings were integrated with: the
+// correction is of first order, what it leaves out of second, below 1e-6 rad and 1e-5 m/s.
+constexpr double kGyroBiasMove = 1e-3, kAccelBiasMove = 1e-2;
 
 Vector6d bias_vector(const ImuBias& bias) {
     Vector6d v;
@@ -26,7 +36,12 @@ Eigen::Matrix<double, 3, 2> tangent_basis(const Eigen::Vector3d& direction) {
 }  // namespace
 
 Objective::Objective(const Model& model, const BatchOptions& options, const Stage& stage)
-    : model_(model), options_(options), stage_(stage) {
+    : model_(model),
+      options_(options),
+      stage_(stage),
+      threads_(thread_count(options)),
+      T_C_I_(model.T_I_C.inverse()),
+      pose_sums_(kPieces) {
     // As far off as the image is large: leaving the field of view never pays.
     const double size_px = std::hypot(model.camera->width(), model.camera->height());
     unseen_distance2_ = size_px * size_px / (options.sigma_px * options.sigma_px);
@@ -35,7 +50,7 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
 }
 
 Objective::Interval Objective::make_interval(int i, const ImuBias& bias) const {
-    PreintegratedImu readings(model_.segments[i], bias, model_.noise);
+    PreintegratedImu readings(model_.segments[i], bias, model_.interval_noise[i]);
     Matrix9d sqrt_information;
     if (options_.weighting == "fixed") {
         sqrt_information = Matrix9d::Identity() / std::sqrt(options_.fixed_variance);
@@ -43,7 +58,7 @@ Objective::Interval Objective::make_interval(int i, const ImuBias& bias) const {
         const Eigen::LLT<Matrix9d> llt(readings.covariance());
         sqrt_information = llt.matrixL().solve(Matrix9d::Identity());
     }
-    return {readings, sqrt_information};
+    return {readings, sqrt_information, bias};
 }
 
 double Objective::robust(double distance2) const {
@@ -93,7 +108,7 @@ std::optional<Eigen::Vector2d> Objective::image_residual(const State& state,
                                                          const Observation& observation) const {
     const InertialState& I = state.frames[observation.frame_idx].motion;
     const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
-    const auto uv = model_.camera->project(model_.T_I_C.inverse() * p_I);
+    const auto uv = model_.camera->project(T_C_I_ * p_I);
     if (!uv) return std::nullopt;
     return *uv - observation.uv_px;
 }
@@ -105,18 +120,32 @@ double Objective::observation_distance2(const State& state, const Observation& o
 }
 
 Cost Objective::evaluate(const State& state) const {
-    Cost cost;
-    for (const Observation& observation : model_.observations)
-        if (observation.active) cost.image += robust(observation_distance2(state, observation));
-    for (size_t i = 0; i < intervals_.size(); ++i) {
-        const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
-        const Vector9d r =
-            intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity);
-        cost.inertial += (intervals_[i].sqrt_information * r).squaredNorm();
-        if (options_.bias == "random_walk") {
-            const Vector6d d = bias_vector(b.bias) - bias_vector(a.bias);
-            cost.inertial += d.dot(bias_walk_information(static_cast<int>(i)).cwiseProduct(d));
+    std::array<Cost, kPieces> parts;
+    const int observations = static_cast<int>(model_.observations.size()),
+              intervals = static_cast<int>(intervals_.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        Cost part;
+        for (int k = piece_begin(observations, kPieces, piece);
+             k < piece_begin(observations, kPieces, piece + 1); ++k)
+            if (const Observation& observation = model_.observations[k]; observation.active)
+                part.image += robust(observation_distance2(state, observation));
+        for (int i = piece_begin(intervals, kPieces, piece);
+             i < piece_begin(intervals, kPieces, piece + 1); ++i) {
+            const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
+            const Vector9d r =
+                intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity);
+            part.inertial += (intervals_[i].sqrt_information * r).squaredNorm();
+            if (options_.bias == "random_walk") {
+                const Vector6d d = bias_vector(b.bias) - bias_vector(a.bias);
+                part.inertial += d.dot(bias_walk_information(i).cwiseProduct(d));
+            }
         }
+        parts[piece] = part;
+    });
+    Cost cost;
+    for (const Cost& part : parts) {
+        cost.image += part.image;
+        cost.inertial += part.inertial;
     }
     if (model_.inertial) {
         const ImuBias& bias = state.frames.front().bias;
@@ -133,87 +162,153 @@ Cost Objective::evaluate(const State& state) const {
     return cost;
 }
 
-double Objective::linearize_image(const State& state, NormalEquations& eq) const {
-    const Layout& layout = eq.layout();
-    const Pose T_C_I = model_.T_I_C.inverse();
-    const bool first_pose_held = !model_.surveyed();
-    double cost = 0;
-    for (size_t k = 0; k < model_.observations.size(); ++k) {
-        const Observation& observation = model_.observations[k];
-        if (!observation.active) continue;
-        const int i = observation.frame_idx, j = observation.point_idx;
-        const InertialState& I = state.frames[i].motion;
-        const Eigen::Vector3d p_I = I.R.transpose() * (state.points[j] - I.p);
-        Matrix23d J_C;
-        const auto uv = model_.camera->project(T_C_I * p_I, &J_C);
-        Eigen::Vector2d r;
-        if (uv) r = observation.sqrt_information * (*uv - observation.uv_px);
-        if (!uv || r.squaredNorm() > unseen_distance2_) {
-            cost += robust(unseen_distance2_);
-            continue;
+void Objective::linearize_observation(const State& state, int k, NormalEquations& eq,
+                                      PoseSums& sums) const {
+    const Observation& observation = model_.observations[k];
+    const int i = observation.frame_idx, j = observation.point_idx;
+    const InertialState& I = state.frames[i].motion;
+    const Eigen::Vector3d p_I = I.R.transpose() * (state.points[j] - I.p);
+    Matrix23d J_C;
+    const auto uv = model_.camera->project(T_C_I_ * p_I, &J_C);
+    Eigen::Vector2d r;
+    if (uv) r = observation.sqrt_information * (*uv - observation.uv_px);
+    if (!uv || r.squaredNorm() > unseen_distance2_) {
+        sums.cost += robust(unseen_distance2_);
+        return;
+    }
+    sums.cost += robust(r.squaredNorm());
+    const double w = robust_weight(r.squaredNorm());
+    const Matrix23d J_I = observation.sqrt_information * J_C * T_C_I_.R;
+    const Matrix23d J_X = J_I * I.R.transpose();
+    eq.V[j].noalias() += (w * J_X).transpose() * J_X;
+    eq.b[j].noalias() += (w * J_X).transpose() * r;
+    if (i == 0 && !model_.surveyed()) return;  // held
+    Eigen::Matrix<double, 2, 6> J_pose;
+    J_pose << J_I * so3::skew(p_I), -J_X;
+    const Eigen::Matrix<double, 2, 6> weighted = w * J_pose;
+    sums.H[i - sums.first].noalias() += weighted.transpose() * J_pose;
+    sums.g[i - sums.first].noalias() += weighted.transpose() * r;
+    eq.W[k].noalias() = weighted.transpose() * J_X;
+    if (const int slot = eq.layout().border_of_point[j]; slot >= 0)
+        eq.matrix.block(eq.layout().border_block(slot), eq.layout().pose_block(i)) +=
+            eq.W[k].transpose();
+}
+
+double Objective::linearize_image(const State& state, NormalEquations& eq) {
+    const int points = static_cast<int>(model_.points.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        const int begin = piece_begin(points, kPieces, piece),
+                  end = piece_begin(points, kPieces, piece + 1);
+        PoseSums& sums = pose_sums_[piece];
+        int first = model_.frames(), last = -1;
+        for (int j = begin; j < end; ++j) {
+            const Observation* o = &model_.observations[model_.points[j].first_observation];
+            first = std::min(first, o->frame_idx);
+            last = std::max(last, o[model_.points[j].observation_count - 1].frame_idx);
         }
-        cost += robust(r.squaredNorm());
-        const double w = robust_weight(r.squaredNorm());
-        const Matrix23d J_I = observation.sqrt_information * J_C * T_C_I.R;
-        const Matrix23d J_X = J_I * I.R.transpose();
-        eq.V[j].noalias() += w * J_X.transpose() * J_X;
-        eq.b[j].noalias() += w * J_X.transpose() * r;
-        if (i == 0 && first_pose_held) continue;
-        Eigen::Matrix<double, 2, 6> J_pose;
-        J_pose << J_I * so3::skew(p_I), -J_X;
-        const int block = layout.pose_block(i);
-        eq.matrix.block(block, block) += w * J_pose.transpose() * J_pose;
-        eq.gradient.segment<6>(eq.matrix.offset(block)) += w * J_pose.transpose() * r;
-        eq.W[k] = w * J_pose.transpose() * J_X;
-        if (const int slot = layout.border_of_point[j]; slot >= 0)
-            eq.matrix.block(layout.border_block(slot), block) += eq.W[k].transpose();
+        const int frames = std::max(0, last - first + 1);
+        sums.first = first;
+        sums.cost = 0;
+        sums.H.assign(frames, Matrix6d::Zero());
+        sums.g.assign(frames, Vector6d::Zero());
+        for (int j = begin; j < end; ++j) {
+            const Point& point = model_.points[j];
+            for (int k = 0; k < point.observation_count; ++k)
+                if (model_.observations[point.first_observation + k].active)
+                    linearize_observation(state, point.first_observation + k, eq, sums);
+        }
+    });
+    double cost = 0;
+    for (const PoseSums& sums : pose_sums_) {
+        cost += sums.cost;
+        for (size_t f = 0; f < sums.H.size(); ++f) {
+            const int block = eq.layout().pose_block(sums.first + static_cast<int>(f));
+            eq.matrix.block(block, block) += sums.H[f];
+            eq.gradient.segment<6>(eq.matrix.offset(block)) += sums.g[f];
+        }
     }
     return cost;
 }
 
-double Objective::linearize_inertial(const State& state, NormalEquations& eq) const {
+double Objective::linearize_interval(const State& state, int i, const Eigen::Matrix3d& J_gravity,
+                                     NormalEquations& eq, Matrix9d& global_H,
+                                     Vector9d& global_g) const {
     const Layout& layout = eq.layout();
-    const Eigen::Matrix3d J_gravity = gravity_jacobian(state.gravity);
-    const int global = layout.global_block();
-    double cost = 0;
-    for (size_t i = 0; i < intervals_.size(); ++i) {
-        const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
-        const Matrix9d& L = intervals_[i].sqrt_information;
-        PreintegratedImu::Jacobian J;
-        const Vector9d r =
-            L * intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity, &J);
-        cost += r.squaredNorm();
+    const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
+    const Matrix9d& L = intervals_[i].sqrt_information;
+    PreintegratedImu::Jacobian D;
+    const Vector9d r =
+        L * intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity, &D);
+    // Columns: pose i, velocity i, bias, pose j, velocity j, gravity.
+    Eigen::Matrix<double, 9, 27> J;
+    J.leftCols<9>().noalias() = L * D.state_i;
+    if (i == 0 && !model_.surveyed()) J.leftCols<6>().setZero();  // held
+    J.middleCols<6>(9).noalias() = L * D.bias;
+    J.middleCols<9>(15).noalias() = L * D.state_j;
+    J.rightCols<3>().noalias() = L * (D.gravity * J_gravity).eval();
+    Eigen::Matrix<double, 27, 27> H;
+    H.noalias() = J.transpose() * J;
+    const Eigen::Matrix<double, 27, 1> g = J.transpose() * r;
 
-        // Columns of each block that the residual touches, whitened.
-        struct Part {
-            int block;
-            Eigen::MatrixXd J;
-        };
-        Matrix9d Ji = L * J.state_i;
-        if (i == 0 && !model_.surveyed()) Ji.leftCols<6>().setZero();
-        const Matrix9d Jj = L * J.state_j;
-        const Matrix96d Jb = L * J.bias;
-        Eigen::MatrixXd motion_i(9, layout.motion_dim()), global_part(9, layout.global_dim());
-        motion_i.leftCols<3>() = Ji.rightCols<3>();
-        global_part.leftCols<3>() = L * J.gravity * J_gravity;
-        if (layout.bias_per_frame)
-            motion_i.rightCols<6>() = Jb;
-        else
-            global_part.rightCols<6>() = Jb;
-        Eigen::MatrixXd motion_j = Eigen::MatrixXd::Zero(9, layout.motion_dim());
-        motion_j.leftCols<3>() = Jj.rightCols<3>();
-        const int fi = static_cast<int>(i);
-        const Part parts[] = {{layout.pose_block(fi), Ji.leftCols<6>()},
-                              {layout.motion_block(fi), motion_i},
-                              {layout.pose_block(fi + 1), Jj.leftCols<6>()},
-                              {layout.motion_block(fi + 1), motion_j},
-                              {global, global_part}};
-        for (const Part& row : parts) {
-            eq.gradient.segment(eq.matrix.offset(row.block), row.J.cols()) += row.J.transpose() * r;
-            for (const Part& col : parts)
-                if (row.block >= col.block)
-                    eq.matrix.block(row.block, col.block) += row.J.transpose() * col.J;
-        }
+    // Where these columns stand: in which block, from which of its rows on.
+    struct Columns {
+        int block, column, width, at;
+    };
+    const int walk = layout.bias_per_frame ? 9 : 3;
+    const std::array<Columns, 4> parts{
+        Columns{layout.pose_block(i), 0, 6, 0}, Columns{layout.motion_block(i), 6, walk, 0},
+        Columns{layout.pose_block(i + 1), 15, 6, 0}, Columns{layout.motion_block(i + 1), 21, 3, 0}};
+    const int global = layout.global_block();
+    for (const Columns& row : parts) {
+        eq.gradient.segment(eq.matrix.offset(row.block) + row.at, row.width) +=
+            g.segment(row.column, row.width);
+        for (const Columns& col : parts)
+            if (row.block >= col.block)
+                eq.matrix.block(row.block, col.block).block(row.at, col.at, row.width, col.width) +=
+                    H.block(row.column, col.column, row.width, col.width);
+        auto border = eq.matrix.block(global, row.block);
+        border.topLeftCorner(3, row.width) += H.block(24, row.column, 3, row.width);
+        if (!layout.bias_per_frame)
+            border.bottomLeftCorner(6, row.width) += H.block(9, row.column, 6, row.width);
+    }
+    global_H.topLeftCorner<3, 3>() += H.block<3, 3>(24, 24);
+    global_H.bottomRightCorner<6, 6>() += H.block<6, 6>(9, 9);
+    global_H.bottomLeftCorner<6, 3>() += H.block<6, 3>(9, 24);
+    global_H.topRightCorner<3, 6>() += H.block<3, 6>(24, 9);
+    global_g.head<3>() += g.tail<3>();
+    global_g.tail<6>() += g.segment<6>(9);
+    return r.squaredNorm();
+}
+
+double Objective::linearize_inertial(const State& state, NormalEquations& eq) const {
+    const Eigen::Matrix3d J_gravity = gravity_jacobian(state.gravity);
+    struct Sums {
+        double cost = 0;
+        Matrix9d H = Matrix9d::Zero();
+        Vector9d g = Vector9d::Zero();
+    };
+    std::array<Sums, kPieces> parts;
+    const int count = static_cast<int>(intervals_.size());
+    const auto add = [&](int piece, int i) {
+        Sums& sums = parts[piece];
+        sums.cost += linearize_interval(state, i, J_gravity, eq, sums.H, sums.g);
+    };
+    // The last interval of a piece shares an image with the next piece: these go one by one.
+    in_parallel(threads_, kPieces, [&](int piece) {
+        for (int i = piece_begin(count, kPieces, piece);
+             i + 1 < piece_begin(count, kPieces, piece + 1); ++i)
+            add(piece, i);
+    });
+    double cost = 0;
+    const Layout& layout = eq.layout();
+    for (int piece = 0; piece < kPieces; ++piece) {
+        const int end = piece_begin(count, kPieces, piece + 1);
+        if (end > piece_begin(count, kPieces, piece)) add(piece, end - 1);
+        cost += parts[piece].cost;
+        if (!model_.inertial) continue;
+        const int global = layout.global_block(), dim = layout.global_dim();
+        eq.matrix.block(global, global) += parts[piece].H.topLeftCorner(dim, dim);
+        eq.gradient.segment(eq.matrix.offset(global), dim) += parts[piece].g.head(dim);
     }
     return cost;
 }
@@ -265,8 +360,16 @@ double Objective::linearize_priors(const State& state, NormalEquations& eq) cons
 }
 
 Cost Objective::linearize(const State& state, NormalEquations& equations) {
-    for (size_t i = 0; i < intervals_.size(); ++i)
-        intervals_[i] = make_interval(static_cast<int>(i), state.frames[i].bias);
+    const int intervals = static_cast<int>(intervals_.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        for (int i = piece_begin(intervals, kPieces, piece);
+             i < piece_begin(intervals, kPieces, piece + 1); ++i) {
+            const ImuBias &now = state.frames[i].bias, &then = intervals_[i].bias;
+            if ((now.gyro - then.gyro).norm() > kGyroBiasMove ||
+                (now.accel - then.accel).norm() > kAccelBiasMove)
+                intervals_[i] = make_interval(i, now);
+        }
+    });
     equations.set_zero();
     Cost cost;
     cost.image = linearize_image(state, equations);
@@ -279,6 +382,13 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
         if (!(V.determinant() > 1e-12 * mean * mean * mean))
             V.diagonal().array() += mean > 0 ? 1e-6 * mean : 1.0;
     }
+    // Border points stand among the reduced unknowns.
+    for (size_t j = 0; j < model_.points.size(); ++j)
+        if (const int slot = equations.layout().border_of_point[j]; slot >= 0) {
+            const int block = equations.layout().border_block(slot);
+            equations.matrix.block(block, block) += equations.V[j];
+            equations.gradient.segment<3>(equations.matrix.offset(block)) += equations.b[j];
+        }
     // The gauge: without a survey the first pose defines W.
     if (!model_.surveyed())
         for (int k = 0; k < 6; ++k) equations.hold(equations.layout().index(0, k));
@@ -287,8 +397,9 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
     return cost;
 }
 
-State Objective::apply(const State& state, const Step& step, const Layout& layout) const {
-    State next = state;
+void Objective::apply(const State& state, const Step& step, const Layout& layout,
+                      State& next) const {
+    next = state;
     for (int i = 0; i < model_.frames(); ++i) {
         State::Frame& frame = next.frames[i];
         const auto part = [&](int component) -> Eigen::Vector3d {
@@ -309,7 +420,6 @@ State Objective::apply(const State& state, const Step& step, const Layout& layou
         else
             next.gravity = so3::exp(tangent_basis(state.gravity) * d.head<2>()) * state.gravity;
     }
-    return next;
 }
 
 }  // namespace vio::batch

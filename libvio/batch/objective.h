@@ -25,16 +25,19 @@ class Objective {
  public:
     Objective(const Model& model, const BatchOptions& options, const Stage& stage);
 
+    /// Threads that evaluate() and linearize() use; results do not depend on it.
+    int threads() const { return threads_; }
+
     /// Cost at a state. Readings are integrated at the biases of the last linearisation and
     /// corrected to first order.
     Cost evaluate(const State& state) const;
 
-    /// Integrates the readings at the state's biases, fills the normal equations (IRLS weights for
-    /// robust losses), returns the cost.
+    /// Integrates the readings anew where the state's biases have moved away from those of the last
+    /// integration, fills the normal equations (IRLS weights for robust losses), returns the cost.
     Cost linearize(const State& state, NormalEquations& equations);
 
-    /// state [+] step.
-    State apply(const State& state, const Step& step, const Layout& layout) const;
+    /// next = state [+] step.
+    void apply(const State& state, const Step& step, const Layout& layout, State& next) const;
 
     /// Derivative of g_W wrt its unknowns: two rotations about axes across it when its norm is
     /// fixed (third column zero), the identity when it is free.
@@ -51,12 +54,25 @@ class Objective {
     struct Interval {
         PreintegratedImu readings;
         Matrix9d sqrt_information;
+        ImuBias bias;  // that it was integrated with
+    };
+    // What the observations of some points add to the poses of frames first, first + 1, ....
+    struct PoseSums {
+        int first = 0;
+        std::vector<Matrix6d> H;
+        std::vector<Vector6d> g;
+        double cost = 0;
     };
     Interval make_interval(int i, const ImuBias& bias) const;
     double robust(double distance2) const;
     double robust_weight(double distance2) const;
-    double linearize_image(const State& state, NormalEquations& equations) const;
+    double linearize_image(const State& state, NormalEquations& equations);
+    void linearize_observation(const State& state, int observation_idx, NormalEquations& equations,
+                               PoseSums& sums) const;
     double linearize_inertial(const State& state, NormalEquations& equations) const;
+    double linearize_interval(const State& state, int i, const Eigen::Matrix3d& gravity_jacobian,
+                              NormalEquations& equations, Eigen::Matrix<double, 9, 9>& global_H,
+                              Eigen::Matrix<double, 9, 1>& global_g) const;
     double linearize_bias(const State& state, NormalEquations& equations) const;
     double linearize_priors(const State& state, NormalEquations& equations) const;
     double prior_weight() const;
@@ -66,8 +82,11 @@ class Objective {
     const Model& model_;
     BatchOptions options_;
     Stage stage_;
+    int threads_;
+    Pose T_C_I_;
     std::vector<Interval> intervals_;
-    double unseen_distance2_;  ///< what an unseen observation costs
+    std::vector<PoseSums> pose_sums_;  // of each piece of the points
+    double unseen_distance2_;          ///< what an unseen observation costs
 };
 
 }  // namespace vio::batch

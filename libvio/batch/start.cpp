@@ -99,23 +99,43 @@ void place_around(const Model& model, const std::map<FeatureId, Eigen::Vector3d>
 
 }  // namespace
 
+namespace {
+
+// The state after a known one, by the readings between them; without any, at constant velocity.
+State::Frame next_frame(const Model& model, const State& state, int i) {
+    State::Frame next = state.frames[i];
+    if (model.inertial) {
+        const PreintegratedImu readings(model.segments[i], next.bias, model.noise);
+        next.motion = readings.predict(next.motion, next.bias, state.gravity);
+    } else if (i > 0) {
+        const InertialState &before = state.frames[i - 1].motion, &last = state.frames[i].motion;
+        next.motion.R = so3::normalized(last.R * before.R.transpose() * last.R);
+        next.motion.p += last.p - before.p;
+    }
+    return next;
+}
+
+// The state before a known one.
+State::Frame previous_frame(const Model& model, const State& state, int i) {
+    State::Frame previous = state.frames[i];
+    if (!model.inertial) return previous;
+    const PreintegratedImu readings(model.segments[i - 1], previous.bias, model.noise);
+    const double T = readings.duration();
+    const InertialState& delta = readings.delta();
+    InertialState& m = previous.motion;
+    m.R = so3::normalized(m.R * delta.R.transpose());
+    m.v -= state.gravity * T + m.R * delta.v;
+    m.p -= m.v * T + state.gravity * (T * T / 2) + m.R * delta.p;
+    return previous;
+}
+
+}  // namespace
+
 State continued_start(const Model& model, const Model& shorter, const State& known) {
     State state = known;
     state.frames.reserve(model.frames());
-    while (static_cast<int>(state.frames.size()) < model.frames()) {
-        const int i = static_cast<int>(state.frames.size()) - 1;
-        State::Frame next = state.frames[i];
-        if (model.inertial) {
-            const PreintegratedImu readings(model.segments[i], next.bias, model.noise);
-            next.motion = readings.predict(next.motion, next.bias, state.gravity);
-        } else if (i > 0) {
-            const InertialState &before = state.frames[i - 1].motion,
-                                &last = state.frames[i].motion;
-            next.motion.R = so3::normalized(last.R * before.R.transpose() * last.R);
-            next.motion.p += last.p - before.p;
-        }
-        state.frames.push_back(next);
-    }
+    while (static_cast<int>(state.frames.size()) < model.frames())
+        state.frames.push_back(next_frame(model, state, static_cast<int>(state.frames.size()) - 1));
     std::map<FeatureId, Eigen::Vector3d> positions;
     for (size_t j = 0; j < shorter.points.size(); ++j)
         positions[shorter.points[j].id] = known.points[j];
@@ -127,25 +147,33 @@ State given_start(const Model& model, const Estimate& start) {
     constexpr TimeNs kTolerance = 1'000'000;
     State state;
     state.gravity = start.g_W;
+    state.frames.resize(model.frames());
     const Pose T_B_I = model.T_I_B.inverse();
+    std::vector<bool> given(model.frames(), false);
     for (int i = 0; i < model.frames(); ++i) {
         const TimeNs t = model.times[i];
         const auto it =
             std::lower_bound(start.states.begin(), start.states.end(), t - kTolerance,
                              [](const StateEstimate& s, TimeNs time) { return s.t < time; });
-        if (it == start.states.end() || it->t > t + kTolerance)
-            throw InputError("start trajectory (t = " + std::to_string(t) +
-                             " ns): no state for this image; give one for every image");
+        if (it == start.states.end() || it->t > t + kTolerance) continue;
+        given[i] = true;
         const Pose T_W_I = it->T_W_B * T_B_I;
-        State::Frame frame;
+        State::Frame& frame = state.frames[i];
         frame.motion = {T_W_I.R, T_W_I.p, it->v_W};
         frame.bias = {it->gyro_bias, it->accel_bias};
         if (model.inertial) {
             const Eigen::Vector3d rate = model.gyro_at_image[i] - it->gyro_bias;
             frame.motion.v -= T_W_I.R * rate.cross(model.T_I_B.p);
         }
-        state.frames.push_back(frame);
     }
+    const auto first =
+        static_cast<int>(std::find(given.begin(), given.end(), true) - given.begin());
+    if (first == model.frames())
+        throw InputError("start trajectory: no state at the time of any image (first image: t = " +
+                         std::to_string(model.times.front()) + " ns); compare the clocks");
+    for (int i = first; i > 0; --i) state.frames[i - 1] = previous_frame(model, state, i);
+    for (int i = first + 1; i < model.frames(); ++i)
+        if (!given[i]) state.frames[i] = next_frame(model, state, i - 1);
     std::map<FeatureId, Eigen::Vector3d> positions;
     for (const LandmarkEstimate& landmark : start.landmarks) positions[landmark.id] = landmark.p_W;
     place_around(model, positions, state);

@@ -11,8 +11,9 @@ namespace vio::batch {
 /// fixed distance from the origin by their first image, everything else zero.
 State blind_start(const Model& model, const BatchOptions& options);
 
-/// Start from given states (interpolated to none: every image needs one within 1 ms, or InputError)
-/// and, where present, landmarks; other points are triangulated.
+/// Start from given states (within 1 ms of an image) and, where present, landmarks; images without
+/// a state follow from their neighbours' by the inertial readings, other points are triangulated.
+/// Throws InputError if no image has a state.
 State given_start(const Model& model, const Estimate& start);
 
 /// Continues a state of the model's first frames to all of them, by the inertial readings (or at

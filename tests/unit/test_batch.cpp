@@ -28,32 +28,69 @@ Eigen::MatrixXd dense(BlockMatrix& A, int blocks) {
     return D.selfadjointView<Eigen::Lower>();
 }
 
+// A matrix with low-rank terms, against dense algebra: solution, entries of the inverse, refusal of
+// an indefinite one. Blocks 0-3 and 4-7 are halves, 8 and 9 between, 10 last.
 TEST(BlockCholesky, SolvesAndInvertsAsADenseMatrixDoes) {
-    const std::vector<int> dims{6, 9, 6, 9, 3, 3};
-    BlockMatrix A(
-        dims,
-        {{1, 0}, {2, 0}, {2, 1}, {3, 1}, {3, 2}, {4, 0}, {5, 0}, {5, 1}, {5, 2}, {5, 3}, {5, 4}});
+    const std::vector<int> dims{6, 9, 6, 9, 6, 9, 6, 3, 6, 3, 3};
+    BlockMatrix A(dims, {{1, 0},  {2, 0},  {2, 1},  {3, 1},  {3, 2},  {8, 2},  {9, 0}, {9, 2},
+                         {5, 4},  {6, 4},  {6, 5},  {7, 6},  {7, 4},  {8, 6},  {9, 8}, {10, 0},
+                         {10, 1}, {10, 2}, {10, 3}, {10, 4}, {10, 5}, {10, 6}, {10, 8}});
+    const std::vector<Part> parts{Part::first_half,  Part::first_half,  Part::first_half,
+                                  Part::first_half,  Part::second_half, Part::second_half,
+                                  Part::second_half, Part::second_half, Part::between,
+                                  Part::between,     Part::last};
+    BlockSets sets;
+    sets.blocks = {0, 2, 8, 4, 6, 8, 6, 8};
+    sets.first = {0, 2, 3, 3, 6, 8};
+    sets.terms = {0, 3, 5, 5, 8};  // the third set is empty, one term is not used
     std::mt19937 engine(5);
     std::normal_distribution<double> normal;
+    const auto random = [&](auto& matrix) {
+        for (int k = 0; k < matrix.size(); ++k) matrix.data()[k] = normal(engine);
+    };
     for (double& value : A.values()) value = normal(engine);
-    for (int k = 0; k < A.size(); ++k) A.diagonal(k) += 40;
-    const Eigen::MatrixXd D = dense(A, static_cast<int>(dims.size()));
-    BlockCholesky factor(A);
-    ASSERT_TRUE(factor.factorize(A));
-    const Eigen::MatrixXd inverse = D.inverse();
-    const Eigen::MatrixXd b = Eigen::MatrixXd::Random(A.size(), 3);
-    EXPECT_LT((factor.solve(b) - inverse * b).norm(), 1e-12);
-    const auto sparse = factor.sparse_inverse();
-    for (size_t col = 0; col < dims.size(); ++col)
-        for (int row : A.rows(static_cast<int>(col))) {
-            const int r = A.offset(row), c = A.offset(static_cast<int>(col));
-            EXPECT_LT((sparse.block(r, dims[row], c, dims[col]) -
-                       inverse.block(r, c, dims[row], dims[col]))
-                          .norm(),
-                      1e-12);
-        }
-    A.diagonal(3) = -100;
-    EXPECT_FALSE(factor.factorize(A));
+    for (int k = 0; k < A.size(); ++k) A.diagonal(k) += 60;
+    Eigen::VectorXd d(A.size()), a(A.size());
+    random(d), random(a);
+    std::vector<Matrix63d> W(10);
+    std::vector<Eigen::Matrix3d> Q(5);
+    std::vector<Eigen::Vector3d> b(5);
+    for (auto& w : W) random(w);
+    for (auto& q : Q) random(q), q *= 0.3;
+    for (auto& x : b) random(x);
+
+    Eigen::MatrixXd S = dense(A, static_cast<int>(dims.size()));
+    S += d.asDiagonal();
+    Eigen::VectorXd s = a;
+    for (int k = 0; k < sets.count(); ++k) {
+        Eigen::MatrixXd T = Eigen::MatrixXd::Zero(A.size(), 3);
+        for (int i = sets.first[k]; i < sets.first[k + 1]; ++i)
+            T.middleRows<6>(A.offset(sets.blocks[i])) = W[sets.terms[k] + i - sets.first[k]] * Q[k];
+        S -= T * T.transpose();
+        s -= T * (Q[k].transpose() * b[k]);
+    }
+    const Eigen::MatrixXd inverse = S.inverse();
+    for (int threads : {1, 2}) {
+        BlockCholesky factor(A, sets, parts, threads);
+        ASSERT_TRUE(factor.factorize({A, d, a, W, Q, b}));
+        Eigen::VectorXd x;
+        factor.solve(x);
+        EXPECT_LT((x - inverse * s).norm(), 1e-12);
+        const Eigen::MatrixXd B = Eigen::MatrixXd::Random(A.size(), 3);
+        EXPECT_LT((factor.solve(B) - inverse * B).norm(), 1e-12);
+        const auto sparse = factor.sparse_inverse();
+        for (size_t col = 0; col < dims.size(); ++col)
+            for (int row : A.rows(static_cast<int>(col))) {
+                const int r = A.offset(row), c = A.offset(static_cast<int>(col)),
+                          k = static_cast<int>(col);
+                const Eigen::MatrixXd expected = inverse.block(r, c, dims[row], dims[col]);
+                EXPECT_LT((sparse.block(row, k) - expected).norm(), 1e-12);
+                EXPECT_LT((sparse.block(k, row) - expected.transpose()).norm(), 1e-12);
+            }
+        BlockMatrix indefinite = A;
+        indefinite.diagonal(3) = -100;
+        EXPECT_FALSE(factor.factorize({indefinite, d, a, W, Q, b}));
+    }
 }
 
 struct Variant {
@@ -86,6 +123,12 @@ class BatchVariants : public ::testing::TestWithParam<Variant> {
         for (auto& frame : state_.frames) frame.bias = state_.frames.front().bias;
         for (auto& point : state_.points) point += noise(0.03);
         if (GetParam().gravity_free) state_.gravity += noise(0.1);
+    }
+
+    double cost_after(const Objective& objective, const Step& step) const {
+        State next;
+        objective.apply(state_, step, layout_, next);
+        return objective.evaluate(next).total();
     }
 
     test::SimulatedRun run_;
@@ -122,10 +165,7 @@ TEST_P(BatchVariants, GradientIsTheDerivativeOfTheCost) {
         Step back = step;
         back.reduced *= -1;
         for (auto& point : back.points) point *= -1;
-        const double numeric =
-            (objective.evaluate(objective.apply(state_, step, layout_)).total() -
-             objective.evaluate(objective.apply(state_, back, layout_)).total()) /
-            2;
+        const double numeric = (cost_after(objective, step) - cost_after(objective, back)) / 2;
         EXPECT_NEAR(numeric, analytic, 1e-5 * std::abs(analytic) + 1e-4);
     }
 }
@@ -157,6 +197,7 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
         H.middleRows(k, 3).setZero();
         H.middleCols(k, 3).setZero();
         H.block<3, 3>(k, k).setIdentity();
+        g.segment<3>(k).setZero();
     }
     const double lambda = 1e-3;
     for (int k = 0; k < n + 3 * m; ++k) H(k, k) += lambda * std::max(1e-6, H(k, k));

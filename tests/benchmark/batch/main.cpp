@@ -2,6 +2,7 @@
 //   vio_bench_batch [--scaling] [--ours] [SCENARIO.ini ...]
 // Without scenarios: a room. Each solver runs in a process of its own, so that its memory can be
 // told: the most that it took above what the problem itself takes.
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,13 +22,26 @@ namespace vio::bench {
 namespace {
 
 Solved solve_with_ours(const TimedProblem& problem, int threads) {
-    (void)threads;
+    
     const auto began = std::chrono::steady_clock::now();
     batch::State state = problem.start;
-    batch::NormalEquations equations(problem.model,
-                                     batch::make_layout(problem.model, problem.options));
-    batch::Objective objective(problem.model, problem.options, {});
-    const auto report = batch::minimize(objective, equations, {200, 1e-9}, state);
+    BatchOptions options = problem.options;
+    options.threads = threads;
+    batch::NormalEquations equations(problem.model, batch::make_layout(problem.model, options),
+                                     threads);
+    batch::Objective objective(problem.model, options, {});
+    const auto& plan = equations.factor().plan();
+    if (std::getenv("SHOW")) {
+        double ops[3] = {}; int n[3] = {}; int widest[3] = {}; double pass[3]={}; int maxpiv=0; long pivs=0;
+        for (const auto& f : plan.fronts) {
+            const int k = std::min(2, (int)f.part);
+            const double p = f.pivots, r = f.rest();
+            ops[k] += p * p * p / 3 + p * p * r + p * r * r; n[k]++; widest[k] = std::max(widest[k], f.size); pass[k] += r*r/2; maxpiv=std::max(maxpiv,f.pivots); pivs+=f.pivots;
+        }
+        for (int k = 0; k < 3; ++k) std::fprintf(stderr, "part %d: %.2f Gflop, %d fronts, widest %d, working %.1f M, passes %.1f M\n", k, ops[k]/1e9, n[k], widest[k], plan.working[k]/1e6, pass[k]/1e6);
+        std::fprintf(stderr, "values %.1f M, setup %.3f s mean pivots %.1f max %d\n", plan.values/1e6, std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count(), 1.0*pivs/plan.fronts.size(), maxpiv);
+    }
+    const auto report = batch::minimize(objective, equations, {200, 1e-9, getenv("L0") ? atof(getenv("L0")) : 1e-6}, state); if(getenv("SHOW")) fprintf(stderr,"linearize %.3f solve %.3f evaluate %.3f rejected %d\n",report.linearize_s,report.solve_s,report.evaluate_s,report.rejected);
     Solved solved;
     solved.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
@@ -48,8 +62,17 @@ double status_mb(const char* field) {
 
 struct Measured {
     Solved solved;
-    double peak_mb = 0;
+    double peak_mb = 0, cpu_seconds = 0;
 };
+
+double cpu_seconds() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    const auto seconds = [](const timeval& t) {
+        return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    };
+    return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
 
 // Runs in a child process.
 Measured measured(const std::function<Solved()>& solve) {
@@ -59,7 +82,9 @@ Measured measured(const std::function<Solved()>& solve) {
     if (child == 0) {
         std::ofstream("/proc/self/clear_refs") << 5;  // forget the peak so far
         const double before = status_mb("VmRSS");
-        Measured result{solve(), 0};
+        const double cpu_before = cpu_seconds();
+        Measured result{solve(), 0, 0};
+        result.cpu_seconds = cpu_seconds() - cpu_before;
         result.peak_mb = status_mb("VmHWM") - before;
         const bool written = write(channel[1], &result, sizeof result) == sizeof result;
         _exit(written ? 0 : 1);
@@ -75,21 +100,22 @@ Measured measured(const std::function<Solved()>& solve) {
 }
 
 void print_row(const char* solver, int threads, const Measured& m) {
-    std::printf("  %-8s %7d %10d %12.1f %9.2f %9.0f %16.6f%s\n", solver, threads,
+    std::printf("  %-8s %7d %10d %12.1f %9.2f %9.2f %9.0f %16.6f%s\n", solver, threads,
                 m.solved.iterations, 1e3 * m.solved.seconds / std::max(1, m.solved.iterations),
-                m.solved.seconds, m.peak_mb, m.solved.final_cost,
+                m.solved.seconds, m.cpu_seconds, m.peak_mb, m.solved.final_cost,
                 m.solved.converged ? "" : "  not converged");
     std::fflush(stdout);
 }
 
 void print_header() {
-    std::printf("  %-8s %7s %10s %12s %9s %9s %16s\n", "solver", "threads", "iterations",
-                "ms/iteration", "total s", "peak MB", "final cost");
+    std::printf("  %-8s %7s %10s %12s %9s %9s %9s %16s\n", "solver", "threads", "iterations",
+                "ms/iteration", "total s", "CPU s", "peak MB", "final cost");
 }
 
 void compare(const TimedProblem& problem, bool rival) {
     std::printf("%s\n", described(problem).c_str());
     print_header();
+    std::fflush(stdout);
     for (int threads : {1, 2}) {
         const auto ours = measured([&] { return solve_with_ours(problem, threads); });
         print_row("ours", threads, ours);
@@ -98,8 +124,8 @@ void compare(const TimedProblem& problem, bool rival) {
             return solve_with_ceres(problem.model, problem.options, problem.start, threads);
         });
         print_row("Ceres", threads, ceres);
-        std::printf("    %.1f times faster, %.2f of its memory, cost differs by %.1e\n",
-                    ceres.solved.seconds / ours.solved.seconds, ours.peak_mb / ceres.peak_mb,
+        std::printf("    %.1f times faster (CPU: %.1f), %.2f of its memory, cost differs by %.1e\n",
+                    ceres.solved.seconds / ours.solved.seconds, ceres.cpu_seconds / ours.cpu_seconds, ours.peak_mb / ceres.peak_mb,
                     ours.solved.final_cost / ceres.solved.final_cost - 1);
     }
 }

@@ -151,9 +151,11 @@ class ImageCost final : public ceres::SizedCostFunction<2, 7, 3> {
 struct Interval {
     std::unique_ptr<PreintegratedImu> readings;
     Matrix9d sqrt_information;
+    ImuBias bias;
 
-    void integrate(const batch::Model& model, int i, const ImuBias& bias) {
-        readings = std::make_unique<PreintegratedImu>(model.segments[i], bias, model.noise);
+    void integrate(const batch::Model& model, int i, const ImuBias& now) {
+        bias = now;
+        readings = std::make_unique<PreintegratedImu>(model.segments[i], bias, model.interval_noise[i]);
         sqrt_information = readings->covariance().llt().matrixL().solve(Matrix9d::Identity());
     }
 };
@@ -222,7 +224,7 @@ class BiasCost final : public ceres::CostFunction {
     Vector6d weights_;
 };
 
-// Integrates the readings anew at each linearisation, as the batch estimator does.
+// Integrates the readings anew where biases have moved, as the batch estimator does.
 class Reintegrate final : public ceres::EvaluationCallback {
  public:
     Reintegrate(const batch::Model& model, std::vector<FrameParameters>& frames,
@@ -230,8 +232,11 @@ class Reintegrate final : public ceres::EvaluationCallback {
         : model_(model), frames_(frames), intervals_(intervals) {}
     void PrepareForEvaluation(bool jacobians, bool) override {
         if (!jacobians) return;
-        for (size_t i = 0; i < intervals_.size(); ++i)
-            intervals_[i].integrate(model_, static_cast<int>(i), bias_of(frames_[i].motion));
+        for (size_t i = 0; i < intervals_.size(); ++i) {
+            const ImuBias now = bias_of(frames_[i].motion), &then = intervals_[i].bias;
+            if ((now.gyro - then.gyro).norm() > 1e-3 || (now.accel - then.accel).norm() > 1e-2)
+                intervals_[i].integrate(model_, static_cast<int>(i), now);
+        }
     }
 
  private:

@@ -1,0 +1,34 @@
+#include "libvio/batch/kernels.h"
+
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define VIO_EACH_PROCESSOR \
+    __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define VIO_EACH_PROCESSOR
+#endif
+
+namespace vio::batch::kernels {
+
+VIO_EACH_PROCESSOR
+void subtract_product(double* target, long stride, const double* T, const double* S, long T_stride,
+                      int rows) {
+    const double *t0 = T, *t1 = T + T_stride, *t2 = T + 2 * T_stride;
+    for (int c = 0; c < 6; c += 2) {
+        const double a0 = S[c], a1 = S[T_stride + c], a2 = S[2 * T_stride + c];
+        const double b0 = S[c + 1], b1 = S[T_stride + c + 1], b2 = S[2 * T_stride + c + 1];
+        double* __restrict__ a = target + c * stride;
+        double* __restrict__ b = a + stride;
+#pragma GCC ivdep
+        for (int r = 0; r < rows; ++r) {
+            a[r] -= t0[r] * a0 + t1[r] * a1 + t2[r] * a2;
+            b[r] -= t0[r] * b0 + t1[r] * b1 + t2[r] * b2;
+        }
+    }
+}
+
+VIO_EACH_PROCESSOR
+void add(double* __restrict__ target, const double* __restrict__ source, int count) {
+    for (int k = 0; k < count; ++k) target[k] += source[k];
+}
+
+}  // namespace vio::batch::kernels

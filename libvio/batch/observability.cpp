@@ -1,0 +1,132 @@
+#include "libvio/batch/observability.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+namespace vio::batch {
+namespace {
+
+constexpr double kScaleSigma = 0.3, kGravitySigma = 10 * M_PI / 180, kRangeSigma = 0.5;
+
+std::string with_figure(const char* format, double a, double b = 0) {
+    char text[200];
+    std::snprintf(text, sizeof text, format, a, b);
+    return text;
+}
+
+// Standard deviation of the scale that fits the path best: d(scale) = sum p_i . dp_i / sum |p_i|^2
+// with p_i counted from the first image.
+double scale_deviation(const Model& model, const State& state, const NormalEquations& equations) {
+    const Layout& layout = equations.layout();
+    Eigen::MatrixXd c = Eigen::MatrixXd::Zero(equations.matrix.size(), 1);
+    double sum = 0;
+    for (int i = 1; i < model.frames(); ++i) {
+        const Eigen::Vector3d p = state.frames[i].motion.p - state.frames[0].motion.p;
+        c.block<3, 1>(layout.index(i, kPosition), 0) = p;
+        sum += p.squaredNorm();
+    }
+    if (!(sum > 0)) return std::numeric_limits<double>::infinity();
+    c /= sum;
+    return std::sqrt((c.transpose() * equations.factor().solve(c))(0, 0));
+}
+
+struct Count {
+    int uncertain = 0, all = 0;
+};
+
+// Points whose distance from the first camera that sees them is uncertain, were all poses known.
+Count uncertain_ranges(const Model& model, const State& state, const NormalEquations& equations) {
+    Count count;
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        const Point& point = model.points[j];
+        const Observation* first = &model.observations[point.first_observation];
+        const auto active = std::count_if(first, first + point.observation_count,
+                                          [](const Observation& o) { return o.active; });
+        if (point.fiducial || active < 2) continue;
+        const InertialState& I = state.frames[first->frame_idx].motion;
+        const Eigen::Vector3d ray = state.points[j] - Pose{I.R, I.p} * model.T_I_C.p;
+        const double information =
+            (ray.transpose() * equations.V[j] * ray)(0, 0);  // of the distance, relative
+        ++count.all;
+        count.uncertain += information < 1 / (kRangeSigma * kRangeSigma);
+    }
+    return count;
+}
+
+}  // namespace
+
+Observability judge(const Model& model, const Objective& objective, const State& state,
+                    const NormalEquations& equations) {
+    Observability result;
+    const Count ranges = uncertain_ranges(model, state, equations);
+    if (ranges.uncertain > ranges.all / 2)
+        result.undetermined.push_back(
+            with_figure("the distances of %.0f of %.0f points (the camera hardly moves sideways)",
+                        ranges.uncertain, ranges.all));
+    if (!model.inertial || model.surveyed()) return result;
+    result.scale_sigma = scale_deviation(model, state, equations);
+    if (!(result.scale_sigma < kScaleSigma))
+        result.undetermined.push_back(
+            with_figure("the scale of the path, known to %.0f %% (speed or turning changes too "
+                        "little, or too few points are seen)",
+                        100 * result.scale_sigma));
+    const int k = equations.layout().gravity_index();
+    Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations.matrix.size(), 3);
+    E.middleRows<3>(k) = objective.gravity_jacobian(state.gravity).transpose();
+    const Eigen::Matrix3d C = E.transpose() * equations.factor().solve(E);
+    const double tilt = std::sqrt(C.trace()) / state.gravity.norm();
+    if (!(tilt < kGravitySigma))
+        result.undetermined.push_back(
+            with_figure("the direction of gravity, known to %.0f degrees", tilt * 180 / M_PI));
+    return result;
+}
+
+std::string name_null_space(const Model& model, NormalEquations& equations) {
+    constexpr double kDamping = 1e-7;  // of the scaled matrix: above its rounding
+    constexpr int kIterations = 4;
+    const Layout& layout = equations.layout();
+    if (!equations.factorize(kDamping)) return "the normal equations are not finite";
+    // In unknowns scaled to unit information; started from all of them alike.
+    Eigen::VectorXd scale(equations.matrix.size());
+    for (int k = 0; k < scale.size(); ++k)
+        scale(k) = 1 / std::sqrt(std::max(1e-6, equations.matrix.diagonal(k)));
+    Eigen::MatrixXd y(scale.size(), 1);
+    for (int k = 0; k < scale.size(); ++k) y(k) = std::cos(1.0 + 2.4 * k);
+    for (int i = 0; i < kIterations; ++i) {
+        y = (y.array() / scale.array()).matrix().eval();
+        y = (equations.factor().solve(y).array() / scale.array()).matrix().eval();
+        y.normalize();
+    }
+    // Its share by kind of unknown, and the images that it touches.
+    double pose = 0, motion = 0, rest = 0, largest = 0;
+    std::vector<double> of_frame(model.frames());
+    for (int i = 0; i < model.frames(); ++i) {
+        for (int c = 0; c < (model.inertial ? 9 : 6); ++c) {
+            const double share = std::pow(y(layout.index(i, c)), 2);
+            (c < 6 ? pose : motion) += share;
+            of_frame[i] += share;
+        }
+        largest = std::max(largest, of_frame[i]);
+    }
+    rest = std::max(0.0, 1 - pose - motion);
+    if (rest > 0.5) return "the biases, gravity or the points seen longest";
+    int first = -1, last = -1, touched = 0;
+    for (int i = 0; i < model.frames(); ++i)
+        if (of_frame[i] > 0.01 * largest) {
+            if (first < 0) first = i;
+            last = i;
+            ++touched;
+        }
+    const double begin = to_seconds(model.times[first] - model.times[0]),
+                 end = to_seconds(model.times[last] - model.times[0]);
+    if (touched > model.frames() / 2)
+        return "the motion as a whole (too few points join its parts)";
+    return with_figure(
+        "the motion from %.2f s to %.2f s after the first image (too few points are "
+        "seen there)",
+        begin, end);
+}
+
+}  // namespace vio::batch

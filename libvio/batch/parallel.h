@@ -1,0 +1,27 @@
+// Work cut into pieces that do not depend on the number of threads, so that results do not either.
+#pragma once
+
+#include <thread>
+#include <vector>
+
+namespace vio::batch {
+
+/// Calls work(piece) for 0 <= piece < pieces, thread k taking pieces k, k + threads, ....
+template <typename Work>
+void in_parallel(int threads, int pieces, Work work) {
+    const int used = std::min(threads, pieces);
+    const auto run = [&](int thread) {
+        for (int piece = thread; piece < pieces; piece += used) work(piece);
+    };
+    std::vector<std::thread> others;
+    for (int thread = 1; thread < used; ++thread) others.emplace_back(run, thread);
+    if (used > 0) run(0);
+    for (std::thread& other : others) other.join();
+}
+
+/// First element of a piece when `count` elements are cut into `pieces`.
+inline int piece_begin(int count, int pieces, int piece) {
+    return static_cast<int>(static_cast<long>(count) * piece / pieces);
+}
+
+}  // namespace vio::batch
