@@ -1,6 +1,7 @@
 #include "app/estimator.h"
 
 #include <map>
+#include <optional>
 #include <sstream>
 
 #include "libvio/io/text.h"
@@ -27,11 +28,32 @@ class Batch final : public Estimator {
         problem_.rig = rig;
         if (!request.fiducials_file.empty())
             problem_.fiducials = read_fiducials(request.fiducials_file);
+        if (options_.start != "iekf") return;
+        if (!problem_.fiducials.empty())
+            throw InputError(
+                "--start iekf knows no fiducials: its path is not in their frame; use staged");
+        starter_.emplace(rig, request.options.iekf, options_, request.use_imu);
     }
 
-    void add(const ImuReading& reading) override { problem_.imu.push_back(reading); }
-    void add(const FeatureFrame& frame) override { problem_.frames.push_back(frame); }
-    void finish() override { result_ = estimate_batch(problem_, options_); }
+    void add(const ImuReading& reading) override {
+        problem_.imu.push_back(reading);
+        if (starter_) starter_->add(reading);
+    }
+    void add(const FeatureFrame& frame) override {
+        problem_.frames.push_back(frame);
+        if (starter_) starter_->add(frame);
+    }
+    void finish() override {
+        if (!starter_) {
+            result_ = estimate_batch(problem_, options_);
+            return;
+        }
+        starter_->finish();
+        if (starter_->estimate().states.empty())
+            result_.report.reason = "the recursive estimator gave no start";
+        else
+            result_ = estimate_batch(problem_, options_, starter_->estimate());
+    }
 
     const Estimate& estimate() const override { return result_.estimate; }
     std::string report() const override {
@@ -41,15 +63,19 @@ class Batch final : public Estimator {
              << " (image " << r.image_cost << ", inertial " << r.inertial_cost << ", prior "
              << r.prior_cost << "), " << r.outliers << " of " << r.observations + r.outliers
              << " observations dropped";
+        if (r.scale_sigma > 0) text << ", scale known to " << 100 * r.scale_sigma << " %";
         return text.str();
     }
-    std::vector<StatusEntry> events() const override { return {}; }
+    std::vector<StatusEntry> events() const override {
+        return starter_ ? starter_->status() : std::vector<StatusEntry>{};
+    }
     bool converged() const override { return result_.report.converged; }
     Eigen::Vector3d gyro_bias() const override { return Eigen::Vector3d::Zero(); }
 
  private:
     BatchProblem problem_;
     BatchOptions options_;
+    std::optional<Iekf> starter_;  // if the start is to come from it
     BatchResult result_;
 };
 

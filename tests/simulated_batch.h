@@ -14,30 +14,39 @@ inline BatchProblem batch_problem(const SimulatedRun& run, bool inertial = true)
     return problem;
 }
 
-/// Truth as an estimate in the frame in which `first` is its first pose: positions relative to it,
-/// heading such that the two first attitudes differ by a tilt only (z stays up).
-inline Estimate truth_from(const SimulatedRun& run, const Pose& first) {
-    const Pose& T0 = run.truth.front().T_W_B;
+/// A truth in the frame in which `first` is its first pose: positions relative to it, heading such
+/// that the two first attitudes differ by a tilt only (z stays up).
+inline Estimate seen_from(Estimate truth, const Pose& first) {
+    const Pose T0 = truth.states.front().T_W_B;
     Eigen::Matrix3d Z = Eigen::Matrix3d::Identity();
     for (int i = 0; i < 5; ++i) {
         const Eigen::Vector3d difference = so3::log(first.R * (Z * T0.R).transpose());
         Z = so3::exp({0, 0, difference.z()}) * Z;
     }
     const Pose T_Wp_W{Z, first.p - Z * T0.p};
-    Estimate truth;
-    truth.g_W = {0, 0, -9.81};
-    for (StateEstimate state : run.truth) {
+    for (StateEstimate& state : truth.states) {
         state.T_W_B = T_Wp_W * state.T_W_B;
         state.v_W = Z * state.v_W;
-        truth.states.push_back(state);
     }
+    for (LandmarkEstimate& landmark : truth.landmarks) landmark.p_W = T_Wp_W * landmark.p_W;
+    return truth;
+}
+
+inline Estimate truth_of(const SimulatedRun& run) {
+    Estimate truth;
+    truth.g_W = {0, 0, -9.81};
+    truth.states = run.truth;
     for (size_t id = 0; id < run.point_of_feature.size(); ++id) {
         LandmarkEstimate landmark;
         landmark.id = static_cast<FeatureId>(id);
-        landmark.p_W = T_Wp_W * run.points[run.point_of_feature[id]];
+        landmark.p_W = run.points[run.point_of_feature[id]];
         truth.landmarks.push_back(landmark);
     }
     return truth;
+}
+
+inline Estimate truth_from(const SimulatedRun& run, const Pose& first) {
+    return seen_from(truth_of(run), first);
 }
 
 /// Error of a state in StateIndex order.

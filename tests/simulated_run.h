@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <map>
 #include <random>
 #include <vector>
@@ -13,27 +14,6 @@
 #include "libvio/camera/rig.h"
 
 namespace vio::test {
-
-struct SimulatedRunOptions {
-    unsigned seed = 1;
-    double seconds = 20;
-    double imu_hz = 200, image_hz = 20;
-    int features = 60;        ///< tracked at once, at most
-    int longest_track = 120;  ///< images
-    double sigma_px = 1;
-    double outliers = 0;  ///< share of observations that are anywhere in the image
-    ImuNoise noise{1.7e-4, 2e-3, 2e-5, 3e-3, 0};
-    double time_offset = 0;  ///< [s]
-};
-
-struct SimulatedRun {
-    Rig rig;
-    std::vector<ImuReading> readings;
-    std::vector<FeatureFrame> frames;
-    std::vector<StateEstimate> truth;  ///< at each frame, without covariance
-    std::vector<Eigen::Vector3d> points;
-    std::vector<std::size_t> point_of_feature;
-};
 
 /// Smooth motion with about 1 rad/s and 2 m/s^2, position and attitude of I in W.
 struct SimulatedPath {
@@ -50,18 +30,44 @@ struct SimulatedPath {
                 Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()))
             .toRotationMatrix();
     }
-    static Eigen::Vector3d velocity(double t) {
+    // Of this path, or of another one.
+    using Positions = std::function<Eigen::Vector3d(double)>;
+    using Rotations = std::function<Eigen::Matrix3d(double)>;
+    static Eigen::Vector3d velocity(double t, const Positions& path = position) {
         constexpr double h = 1e-4;
-        return (position(t + h) - position(t - h)) / (2 * h);
+        return (path(t + h) - path(t - h)) / (2 * h);
     }
-    static Eigen::Vector3d acceleration(double t) {
+    static Eigen::Vector3d acceleration(double t, const Positions& path = position) {
         constexpr double h = 1e-3;
-        return (position(t + h) - 2 * position(t) + position(t - h)) / (h * h);
+        return (path(t + h) - 2 * path(t) + path(t - h)) / (h * h);
     }
-    static Eigen::Vector3d angular_velocity(double t) {
+    static Eigen::Vector3d angular_velocity(double t, const Rotations& path = rotation) {
         constexpr double h = 1e-4;
-        return so3::log(rotation(t - h).transpose() * rotation(t + h)) / (2 * h);
+        return so3::log(path(t - h).transpose() * path(t + h)) / (2 * h);
     }
+};
+
+struct SimulatedRunOptions {
+    unsigned seed = 1;
+    double seconds = 20;
+    double imu_hz = 200, image_hz = 20;
+    int features = 60;        ///< tracked at once, at most
+    int longest_track = 120;  ///< images
+    double sigma_px = 1;
+    double outliers = 0;  ///< share of observations that are anywhere in the image
+    ImuNoise noise{1.7e-4, 2e-3, 2e-5, 3e-3, 0};
+    double time_offset = 0;                                       ///< [s]
+    SimulatedPath::Positions position = SimulatedPath::position;  ///< p_W_I at t
+    SimulatedPath::Rotations rotation = SimulatedPath::rotation;  ///< R_W_I at t
+};
+
+struct SimulatedRun {
+    Rig rig;
+    std::vector<ImuReading> readings;
+    std::vector<FeatureFrame> frames;
+    std::vector<StateEstimate> truth;  ///< at each frame, without covariance
+    std::vector<Eigen::Vector3d> points;
+    std::vector<std::size_t> point_of_feature;
 };
 
 inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
@@ -97,13 +103,13 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
     std::vector<Eigen::Vector3d> gyro_biases, accel_biases;
     for (int i = 0; i < readings; ++i) {
         const double t = i * dt;
-        const Eigen::Matrix3d R_I_W = SimulatedPath::rotation(t).transpose();
+        const Eigen::Matrix3d R_I_W = options.rotation(t).transpose();
         ImuReading reading;
         reading.t = kStart + from_seconds(t);
-        reading.gyro = SimulatedPath::angular_velocity(t) + gyro_bias +
+        reading.gyro = SimulatedPath::angular_velocity(t, options.rotation) + gyro_bias +
                        options.noise.gyro_noise_density / std::sqrt(dt) * noise3();
-        reading.accel = R_I_W * (SimulatedPath::acceleration(t) - g_W) + accel_bias +
-                        options.noise.accel_noise_density / std::sqrt(dt) * noise3();
+        reading.accel = R_I_W * (SimulatedPath::acceleration(t, options.position) - g_W) +
+                        accel_bias + options.noise.accel_noise_density / std::sqrt(dt) * noise3();
         run.readings.push_back(reading);
         gyro_biases.push_back(gyro_bias);
         accel_biases.push_back(accel_bias);
@@ -132,12 +138,12 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
         const double t_camera = (i + 0.37) / options.image_hz;  // not at a reading's time
         const double t = t_camera + options.time_offset;
         const int nearest = std::min(readings - 1, static_cast<int>(t * options.imu_hz));
-        const Pose T_W_I{SimulatedPath::rotation(t), SimulatedPath::position(t)};
+        const Pose T_W_I{options.rotation(t), options.position(t)};
         StateEstimate truth;
         truth.t = kStart + from_seconds(t_camera);
         truth.T_W_B = T_W_I * T_I_B;
-        truth.v_W = SimulatedPath::velocity(t) +
-                    T_W_I.R * SimulatedPath::angular_velocity(t).cross(T_I_B.p);
+        truth.v_W = SimulatedPath::velocity(t, options.position) +
+                    T_W_I.R * SimulatedPath::angular_velocity(t, options.rotation).cross(T_I_B.p);
         truth.gyro_bias = gyro_biases[nearest];
         truth.accel_bias = accel_biases[nearest];
         run.truth.push_back(truth);

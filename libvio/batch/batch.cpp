@@ -30,8 +30,9 @@ void BatchOptions::describe(OptionSet& o) {
           "standard deviation of the gyro bias");
     o.add("loss", &loss, {"none", "huber", "cauchy"}, "robust loss of the image terms");
     o.add("loss_width", &loss_width, "standard deviations", {0.1, 100}, "width of the robust loss");
-    o.add("start", &start, {"blind", "staged"},
-          "all images at once from nothing (section 4.6), or grown from a prefix");
+    o.add("start", &start, {"blind", "staged", "iekf"},
+          "all images at once from nothing (section 4.6), grown from a prefix, or the recursive "
+          "estimate");
     o.add("blind_distance", &blind_distance, "m", {1e-3, 1e4},
           "distance to which a blind start backprojects points");
     o.add("prefix_images", &prefix_images, "", {2, 1000}, "images that a staged start begins with");
@@ -221,9 +222,12 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
 
 }  // namespace
 
-BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
+BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& options,
                            const std::optional<Estimate>& start, bool want_tail) {
     const auto began = Clock::now();
+    std::optional<BatchProblem> rest;
+    if (given.imu.empty()) rest = without_unseeing_images(given);
+    const BatchProblem& problem = rest ? *rest : given;
     const int images = static_cast<int>(problem.frames.size());
     Course course{problem, options, {}, {}, {}, {}};
 

@@ -39,9 +39,10 @@ struct BatchOptions {
     double gyro_bias_sigma = 0.1;             ///< prior [rad/s]
     std::string loss = "cauchy";              ///< none | huber | cauchy
     double loss_width = 2.0;                  ///< in standard deviations
-    std::string start = "staged";             ///< blind | staged (ignored when a start is given)
-    int prefix_images = 40;                   ///< that a staged start begins with
-    double blind_distance = 3.0;              ///< [m]
+    /// blind | staged | iekf: given by the caller, else staged. Ignored when a start is given.
+    std::string start = "staged";
+    int prefix_images = 40;       ///< that a staged start begins with
+    double blind_distance = 3.0;  ///< [m]
     int max_iterations = 200;
     double cost_tolerance = 1e-8;
     double outlier_sigmas = 5.0;  ///< observations beyond are dropped after convergence
@@ -87,10 +88,11 @@ struct BatchResult {
     std::optional<BatchTail> tail;  ///< if asked for
 };
 
-/// Runs the estimator. `start`, if given, holds states of frames (by time); those of others
-/// follow by the inertial readings. Its landmarks are optional. Throws InputError for input that
-/// cannot be estimated from (too few images, no common features, IMU that does not cover the
-/// images). A failed start or minimisation, and quantities that remain undetermined, are reported
+/// Runs the estimator. Image-only, images that see hardly any points get no state. `start`, if
+/// given, holds states of frames (by time); those of others follow by the inertial readings. Its
+/// landmarks are optional. Throws InputError for input that cannot be estimated from (too few
+/// images, no common features, IMU that does not cover the images). A failed start or minimisation,
+/// and quantities that remain undetermined, are reported
 /// (`converged` false, `reason`), not thrown.
 BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
                            const std::optional<Estimate>& start = std::nullopt,

@@ -77,6 +77,24 @@ bool Model::surveyed() const {
     return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.fiducial; });
 }
 
+BatchProblem without_unseeing_images(const BatchProblem& problem) {
+    constexpr int kFewestPoints = 4, kFewestImages = 3;
+    BatchProblem rest = problem;
+    for (size_t before = 0; before != rest.frames.size();) {
+        before = rest.frames.size();
+        std::map<FeatureId, int> images;
+        for (const FeatureFrame& frame : rest.frames)
+            for (const FeatureObservation& f : frame.features) ++images[f.feature_id];
+        std::erase_if(rest.frames, [&](const FeatureFrame& frame) {
+            return std::count_if(frame.features.begin(), frame.features.end(),
+                                 [&](const FeatureObservation& f) {
+                                     return images[f.feature_id] >= kFewestImages;
+                                 }) < kFewestPoints;
+        });
+    }
+    return rest;
+}
+
 Model make_model(const BatchProblem& problem, const BatchOptions& options, int frame_count,
                  int min_observations) {
     if (!problem.rig.camera) throw InputError("batch estimator: no camera calibration; give one");

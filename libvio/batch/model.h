@@ -39,6 +39,10 @@ struct Model {
     bool surveyed() const;  ///< whether any point is a fiducial (W is then the survey's frame)
 };
 
+/// What an image-only estimate can use: without the images that see fewer than four points that
+/// other images see too.
+BatchProblem without_unseeing_images(const BatchProblem& problem);
+
 /// Indexes the first frame_count frames. Points seen fewer than min_observations times are left out
 /// (fiducials are always kept). Throws InputError as estimate_batch() does.
 Model make_model(const BatchProblem& problem, const BatchOptions& options, int frame_count,

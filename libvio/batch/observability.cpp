@@ -8,7 +8,7 @@
 namespace vio::batch {
 namespace {
 
-constexpr double kScaleSigma = 0.3, kGravitySigma = 10 * M_PI / 180, kRangeSigma = 0.5;
+constexpr double kScaleSigma = 0.5, kGravitySigma = 10 * M_PI / 180, kRangeSigma = 0.5;
 
 std::string with_figure(const char* format, double a, double b = 0) {
     char text[200];
@@ -88,10 +88,14 @@ std::string name_null_space(const Model& model, NormalEquations& equations) {
     constexpr int kIterations = 4;
     const Layout& layout = equations.layout();
     if (!equations.factorize(kDamping)) return "the normal equations are not finite";
-    // In unknowns scaled to unit information; started from all of them alike.
+    // In unknowns scaled to unit information; started from all of them alike. (What holds the scale
+    // of image-only motion is no information: hence the upper limit.)
     Eigen::VectorXd scale(equations.matrix.size());
-    for (int k = 0; k < scale.size(); ++k)
-        scale(k) = 1 / std::sqrt(std::max(1e-6, equations.matrix.diagonal(k)));
+    for (int k = 0; k < scale.size(); ++k) scale(k) = equations.matrix.diagonal(k);
+    std::vector<double> sorted(scale.begin(), scale.end());
+    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+    const double most = 1e4 * sorted[sorted.size() / 2];
+    for (double& s : scale) s = 1 / std::sqrt(std::clamp(s, 1e-6, std::max(1e-6, most)));
     Eigen::MatrixXd y(scale.size(), 1);
     for (int k = 0; k < scale.size(); ++k) y(k) = std::cos(1.0 + 2.4 * k);
     for (int i = 0; i < kIterations; ++i) {
@@ -99,7 +103,8 @@ std::string name_null_space(const Model& model, NormalEquations& equations) {
         y = (equations.factor().solve(y).array() / scale.array()).matrix().eval();
         y.normalize();
     }
-    // Its share by kind of unknown, and the images that it touches.
+    // Its share by kind of unknown, in radians and metres, and the images that it touches.
+    y = y.cwiseProduct(scale).normalized().eval();
     double pose = 0, motion = 0, rest = 0, largest = 0;
     std::vector<double> of_frame(model.frames());
     for (int i = 0; i < model.frames(); ++i) {

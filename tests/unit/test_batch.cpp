@@ -317,6 +317,124 @@ TEST(Batch, FiducialsPutTheEstimateIntoTheSurveysFrame) {
     }
 }
 
+TEST(Batch, ResultsDoNotDependOnTheNumberOfThreads) {
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 4;
+    simulation.longest_track = 15;  // so that the problem comes apart into halves
+    const auto run = simulate_run(simulation);
+    BatchOptions options;
+    options.threads = 1;
+    const BatchResult one = estimate_batch(test::batch_problem(run), options);
+    options.threads = 2;
+    const BatchResult two = estimate_batch(test::batch_problem(run), options);
+    EXPECT_EQ(one.report.final_cost, two.report.final_cost);
+    ASSERT_EQ(one.estimate.states.size(), two.estimate.states.size());
+    for (size_t i = 0; i < one.estimate.states.size(); ++i) {
+        EXPECT_EQ(one.estimate.states[i].T_W_B.p, two.estimate.states[i].T_W_B.p);
+        EXPECT_EQ(one.estimate.states[i].covariance, two.estimate.states[i].covariance);
+    }
+}
+
+// A path for which something cannot be known: the report says what, instead of a converged result.
+BatchReport report_of(const test::SimulatedRun& run, const Estimate& start) {
+    BatchOptions options;
+    options.loss = "none";
+    options.outlier_sigmas = 0;
+    return estimate_batch(test::batch_problem(run), options, start).report;
+}
+
+TEST(Batch, SaysWhatACameraAtRestLeavesOpen) {
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 3;
+    simulation.position = [](double) { return Eigen::Vector3d(0.1, 0.2, 0.3); };
+    simulation.rotation = [](double) -> Eigen::Matrix3d { return so3::exp({0.1, 0.2, 0.3}); };
+    const auto run = simulate_run(simulation);
+    const BatchReport report = report_of(run, test::truth_of(run));
+    EXPECT_FALSE(report.converged);
+    EXPECT_FALSE(report.undetermined.empty());
+    EXPECT_NE(report.reason.find("not determined"), std::string::npos) << report.reason;
+}
+
+TEST(Batch, SaysThatSteadyStraightMotionLeavesTheScaleOpen) {
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 3;
+    simulation.position = [](double t) { return Eigen::Vector3d(0.3 * t, 0.1, 0.1 * t); };
+    simulation.rotation = [](double) -> Eigen::Matrix3d { return so3::exp({0.1, 0.2, 0.3}); };
+    const auto run = simulate_run(simulation);
+    const BatchReport report = report_of(run, test::truth_of(run));
+    EXPECT_FALSE(report.converged);
+    EXPECT_GT(report.scale_sigma, 0.5);
+    EXPECT_NE(report.reason.find("scale"), std::string::npos) << report.reason;
+    // Lively motion of the same length determines it.
+    const auto lively = short_run();
+    EXPECT_LT(report_of(lively, test::truth_of(lively)).scale_sigma, 0.2);
+}
+
+TEST(Batch, NamesTheImagesThatAreJoinedToNothing) {
+    const auto run = short_run();
+    BatchProblem problem = test::batch_problem(run, false);
+    for (size_t i = 12; i < problem.frames.size(); ++i)
+        for (auto& feature : problem.frames[i].features) feature.feature_id += 100000;
+    BatchOptions options;
+    options.loss = "none";
+    options.outlier_sigmas = 0;
+    const BatchReport report = estimate_batch(problem, options, test::truth_of(run)).report;
+    EXPECT_FALSE(report.converged);
+    EXPECT_NE(report.reason.find("the motion from 0.60 s to"), std::string::npos) << report.reason;
+}
+
+TEST(Batch, LeavesImagesThatShowNothingOutOfAnImageOnlyEstimate) {
+    const auto run = short_run();
+    BatchProblem problem = test::batch_problem(run, false);
+    for (size_t i = 8; i < 11; ++i) problem.frames[i].features.resize(i - 8);
+    const BatchResult result = estimate_batch(problem, {}, test::truth_of(run));
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    EXPECT_EQ(result.estimate.states.size(), problem.frames.size() - 3);
+    for (const StateEstimate& state : result.estimate.states) EXPECT_GE(state.features, 4);
+}
+
+TEST(Batch, StartsFromATrajectoryThatLacksStates) {
+    const auto run = short_run();
+    Estimate part = test::truth_of(run);
+    part.states.erase(part.states.begin() + 10, part.states.begin() + 14);
+    part.states.erase(part.states.begin(), part.states.begin() + 3);
+    part.landmarks.clear();
+    const BatchResult result = estimate_batch(test::batch_problem(run), {}, part);
+    const BatchResult whole = estimate_batch(test::batch_problem(run), {}, test::truth_of(run));
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    EXPECT_NEAR(result.report.final_cost, whole.report.final_cost, 1e-6 * whole.report.final_cost);
+    part.states.resize(0);
+    EXPECT_THROW(estimate_batch(test::batch_problem(run), {}, part), InputError);
+}
+
+// Readings that are missing weaken the interval that they are missing in, by what motion may have
+// done there; others stay as they are.
+TEST(Batch, TrustsReadingsAcrossAGapLess) {
+    auto run = short_run();
+    BatchProblem problem = test::batch_problem(run);
+    const int frames = static_cast<int>(problem.frames.size());
+    const Model whole = make_model(problem, {}, frames);
+    std::vector<ImuReading> readings = run.readings;
+    readings.erase(readings.begin() + 80, readings.begin() + 88);  // 40 ms of 50
+    problem.imu = ImuSequence(readings);
+    const Model gap = make_model(problem, {}, frames);
+    int weaker = 0;
+    for (size_t i = 0; i < gap.segments.size(); ++i) {
+        const PreintegratedImu before(whole.segments[i], {}, whole.interval_noise[i]),
+            after(gap.segments[i], {}, gap.interval_noise[i]);
+        const Vector9d difference =
+            after.residual(before.delta(), before.delta(), {}, Eigen::Vector3d::Zero()) -
+            before.residual(before.delta(), before.delta(), {}, Eigen::Vector3d::Zero());
+        if (difference.norm() < 1e-12) continue;
+        ++weaker;
+        // What the gap does to the integral is within what is now granted, and would not have been.
+        EXPECT_LT(difference.dot(after.covariance().inverse() * difference), 27.9);
+        EXPECT_GT(after.covariance().trace(), 4 * before.covariance().trace());
+    }
+    EXPECT_GE(weaker, 1);
+    EXPECT_LE(weaker, 2);
+}
+
 TEST(Batch, RefusesWhatCannotBeEstimated) {
     const auto run = short_run();
     BatchProblem problem = test::batch_problem(run);

@@ -1,7 +1,8 @@
 // The batch estimator's minimisation against Ceres: same residuals, same start, same cost.
-//   vio_bench_batch [--scaling] [--ours] [SCENARIO.ini ...]
-// Without scenarios: a room. Each solver runs in a process of its own, so that its memory can be
-// told: the most that it took above what the problem itself takes.
+//   vio_bench_batch [--scaling] [--ours] [--truth RECORDED_PATH] [SCENARIO.ini ...]
+// --truth: for scenarios along a recorded path. Without scenarios: a room. Each solver runs in a
+// process of its own, so that its memory can be told: the most that it took above what the problem
+// itself takes.
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -22,7 +23,6 @@ namespace vio::bench {
 namespace {
 
 Solved solve_with_ours(const TimedProblem& problem, int threads) {
-    
     const auto began = std::chrono::steady_clock::now();
     batch::State state = problem.start;
     BatchOptions options = problem.options;
@@ -30,18 +30,7 @@ Solved solve_with_ours(const TimedProblem& problem, int threads) {
     batch::NormalEquations equations(problem.model, batch::make_layout(problem.model, options),
                                      threads);
     batch::Objective objective(problem.model, options, {});
-    const auto& plan = equations.factor().plan();
-    if (std::getenv("SHOW")) {
-        double ops[3] = {}; int n[3] = {}; int widest[3] = {}; double pass[3]={}; int maxpiv=0; long pivs=0;
-        for (const auto& f : plan.fronts) {
-            const int k = std::min(2, (int)f.part);
-            const double p = f.pivots, r = f.rest();
-            ops[k] += p * p * p / 3 + p * p * r + p * r * r; n[k]++; widest[k] = std::max(widest[k], f.size); pass[k] += r*r/2; maxpiv=std::max(maxpiv,f.pivots); pivs+=f.pivots;
-        }
-        for (int k = 0; k < 3; ++k) std::fprintf(stderr, "part %d: %.2f Gflop, %d fronts, widest %d, working %.1f M, passes %.1f M\n", k, ops[k]/1e9, n[k], widest[k], plan.working[k]/1e6, pass[k]/1e6);
-        std::fprintf(stderr, "values %.1f M, setup %.3f s mean pivots %.1f max %d\n", plan.values/1e6, std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count(), 1.0*pivs/plan.fronts.size(), maxpiv);
-    }
-    const auto report = batch::minimize(objective, equations, {200, 1e-9, getenv("L0") ? atof(getenv("L0")) : 1e-6}, state); if(getenv("SHOW")) fprintf(stderr,"linearize %.3f solve %.3f evaluate %.3f rejected %d\n",report.linearize_s,report.solve_s,report.evaluate_s,report.rejected);
+    const auto report = batch::minimize(objective, equations, {200, 1e-9}, state);
     Solved solved;
     solved.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
@@ -125,7 +114,8 @@ void compare(const TimedProblem& problem, bool rival) {
         });
         print_row("Ceres", threads, ceres);
         std::printf("    %.1f times faster (CPU: %.1f), %.2f of its memory, cost differs by %.1e\n",
-                    ceres.solved.seconds / ours.solved.seconds, ceres.cpu_seconds / ours.cpu_seconds, ours.peak_mb / ceres.peak_mb,
+                    ceres.solved.seconds / ours.solved.seconds,
+                    ceres.cpu_seconds / ours.cpu_seconds, ours.peak_mb / ceres.peak_mb,
                     ours.solved.final_cost / ceres.solved.final_cost - 1);
     }
 }
@@ -153,6 +143,7 @@ void scaling() {
 int main(int argc, char** argv) {
     using namespace vio::bench;
     bool with_scaling = false, rival = true;
+    std::string truth;
     std::vector<std::string> scenarios;
     for (int k = 1; k < argc; ++k) {
         const std::string argument = argv[k];
@@ -160,12 +151,15 @@ int main(int argc, char** argv) {
             with_scaling = true;
         else if (argument == "--ours")
             rival = false;
+        else if (argument == "--truth" && k + 1 < argc)
+            truth = argv[++k];
         else
             scenarios.push_back(argument);
     }
     try {
         if (with_scaling) scaling();
-        for (const std::string& scenario : scenarios) compare(scenario_problem(scenario), rival);
+        for (const std::string& scenario : scenarios)
+            compare(scenario_problem(scenario, truth), rival);
         if (scenarios.empty() && !with_scaling) compare(room_problem(700, 200, 60), rival);
     } catch (const std::exception& error) {
         std::cerr << error.what() << '\n';

@@ -1,12 +1,12 @@
 #include "tests/benchmark/batch/problems.h"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <random>
 
 #include "libvio/batch/start.h"
-#include "libvio/simulation/scenario.h"
-#include "tests/simulated_batch.h"
+#include "tests/scenario_batch.h"
 
 namespace vio::bench {
 namespace {
@@ -19,8 +19,8 @@ BatchOptions plain_options() {
     return options;
 }
 
-// The truth with errors of 1 degree, 5 cm, 0.1 m/s, a twentieth of the distance of each point, and
-// without the biases.
+// The truth with errors as a filter leaves them: poses off by up to 2 degrees and 10 cm, slowly
+// varying; velocities by 0.1 m/s; points by these and by a twentieth of their distance; no biases.
 void disturb(TimedProblem& problem) {
     std::mt19937 engine(4);
     std::normal_distribution<double> normal;
@@ -29,21 +29,26 @@ void disturb(TimedProblem& problem) {
                                sigma * normal(engine));
     };
     batch::State& state = problem.start;
-    for (size_t j = 0; j < state.points.size(); ++j) {
-        const batch::Observation& first =
-            problem.model.observations[problem.model.points[j].first_observation];
-        const Eigen::Vector3d eye = state.frames[first.frame_idx].motion.p;
-        state.points[j] = eye + (1 + 0.05 * normal(engine)) * (state.points[j] - eye);
-    }
+    const std::vector<batch::State::Frame> truth = state.frames;
+    const Eigen::Vector3d turn = noise(0.02), shift = noise(0.06);
+    constexpr double kPeriod = 300;  // images
     for (size_t i = 0; i < state.frames.size(); ++i) {
         batch::State::Frame& frame = state.frames[i];
         frame.bias = {};
         frame.motion.v += noise(0.1);
-        if (i == 0) continue;  // the gauge
-        frame.motion.R = so3::normalized(frame.motion.R * so3::exp(noise(0.02)));
-        frame.motion.p += noise(0.05);
+        const double phase = 2 * M_PI * static_cast<double>(i) / kPeriod;  // zero at the gauge
+        frame.motion.R = so3::normalized(frame.motion.R * so3::exp(std::sin(phase) * turn));
+        frame.motion.p += std::sin(1.3 * phase) * shift;
     }
-    state.gravity = so3::exp(noise(0.02)) * state.gravity;
+    const Eigen::Vector3d camera = problem.model.T_I_C.p;
+    for (size_t j = 0; j < state.points.size(); ++j) {
+        const int i =
+            problem.model.observations[problem.model.points[j].first_observation].frame_idx;
+        const InertialState &from = truth[i].motion, &to = state.frames[i].motion;
+        const Eigen::Vector3d p_I = from.R.transpose() * (state.points[j] - from.p);
+        state.points[j] = to.R * (camera + (1 + 0.05 * normal(engine)) * (p_I - camera)) + to.p;
+    }
+    state.gravity = so3::exp(noise(0.01)) * state.gravity;
 }
 
 TimedProblem make_problem(std::string name, const BatchProblem& problem, const Estimate& truth,
@@ -68,26 +73,15 @@ TimedProblem room_problem(int frames, int features, int longest_track) {
                         test::truth_from(run, run.truth.front().T_W_B), plain_options());
 }
 
-TimedProblem scenario_problem(const std::string& ini_file) {
+TimedProblem scenario_problem(const std::string& ini_file, const std::string& recorded_truth) {
     ScenarioOptions scenario = ScenarioOptions::from_file(ini_file);
-    scenario.tracks = true;
-    const Simulation simulation(scenario);
-    BatchProblem problem;
-    problem.rig = simulation.rig();
-    problem.frames = simulation.tracks().frames;
-    problem.imu = ImuSequence(simulation.imu());
-    Estimate truth;
-    truth.states = simulation.truth();
-    truth.g_W = simulation.g_W();
-    for (const auto& [id, point] : simulation.tracks().points_W) {
-        LandmarkEstimate landmark;
-        landmark.id = id;
-        landmark.p_W = point;
-        truth.landmarks.push_back(landmark);
-    }
+    if (!recorded_truth.empty() && !scenario.recorded_file.empty())
+        scenario.recorded_file = recorded_truth;
+    const test::ScenarioRun run = test::run_scenario(scenario);
     BatchOptions options = plain_options();
-    options.sigma_px = scenario.track_model.noise_px;
-    return make_problem(std::filesystem::path(ini_file).stem().string(), problem, truth, options);
+    options.sigma_px = run.sigma_px;
+    return make_problem(std::filesystem::path(ini_file).stem().string(), run.problem, run.truth,
+                        options);
 }
 
 std::string described(const TimedProblem& problem) {

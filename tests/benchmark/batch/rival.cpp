@@ -155,7 +155,8 @@ struct Interval {
 
     void integrate(const batch::Model& model, int i, const ImuBias& now) {
         bias = now;
-        readings = std::make_unique<PreintegratedImu>(model.segments[i], bias, model.interval_noise[i]);
+        readings =
+            std::make_unique<PreintegratedImu>(model.segments[i], bias, model.interval_noise[i]);
         sqrt_information = readings->covariance().llt().matrixL().solve(Matrix9d::Identity());
     }
 };

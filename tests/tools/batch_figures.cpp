@@ -1,0 +1,267 @@
+// Measures the batch estimator on simulated experiments and prints tables:
+//   vio_batch_figures TABLE DATASETS_DIR [SEEDS] [RECORDED_TRUTH RECORDED_IMU]
+// TABLE: arm         convergence and accuracy over the fixed variances (the paper's Table 1, Fig.
+// 8)
+//        poor        the same from poor starts
+//        rotations   share of blind starts that converge, over the path's span of rotation
+//        image_only  image-only beside image-and-inertial on the arm (the paper's Table 4)
+//        nees        consistency of arm, crane and, where given, recorded readings
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <random>
+
+#include "libvio/evaluation/metrics.h"
+#include "tests/scenario_batch.h"
+
+namespace vio::test {
+namespace {
+
+constexpr double kDegrees = 180 / M_PI;
+
+struct Errors {
+    double rotation = 0, position = 0, worst_position = 0, scale = 0;  // rad, m, m, share
+};
+
+// After a similarity alignment, as the paper's metrics.
+Errors errors_of(const Estimate& estimate, const Estimate& truth) {
+    std::vector<TimedPose> a, b;
+    for (const StateEstimate& s : estimate.states) a.push_back({s.t, s.T_W_B});
+    for (const StateEstimate& s : truth.states) b.push_back({s.t, s.T_W_B});
+    Eigen::Matrix3Xd from(3, a.size()), to(3, b.size());
+    for (size_t i = 0; i < a.size(); ++i) {
+        from.col(static_cast<Eigen::Index>(i)) = a[i].T_W_B.p;
+        to.col(static_cast<Eigen::Index>(i)) = b[i].T_W_B.p;
+    }
+    const Eigen::Matrix4d S = Eigen::umeyama(from, to, true);
+    const double scale = std::cbrt(S.topLeftCorner<3, 3>().determinant());
+    const Eigen::Matrix3d R = S.topLeftCorner<3, 3>() / scale;
+    Errors errors;
+    errors.scale = 1 / scale - 1;
+    for (size_t i = 0; i < a.size(); ++i) {
+        const Eigen::Vector3d p = S.topLeftCorner<3, 3>() * a[i].T_W_B.p + S.topRightCorner<3, 1>();
+        const double d = (p - b[i].T_W_B.p).norm();
+        errors.position += d / static_cast<double>(a.size());
+        errors.worst_position = std::max(errors.worst_position, d);
+        errors.rotation += so3::log(R * a[i].T_W_B.R * b[i].T_W_B.R.transpose()).norm() /
+                           static_cast<double>(a.size());
+    }
+    return errors;
+}
+
+ScenarioOptions scenario(const std::string& folder, const std::string& name, int seed) {
+    ScenarioOptions options = ScenarioOptions::from_file(folder + "/" + name + ".ini");
+    options.seed = seed;
+    return options;
+}
+
+// The paper's cost function: fixed variances, constant biases, free gravity.
+BatchOptions paper_options(double variance, double sigma_px) {
+    BatchOptions options;
+    options.sigma_px = sigma_px;
+    options.weighting = "fixed";
+    options.fixed_variance = variance;
+    options.bias = "constant";
+    options.gravity = "free";
+    options.loss = "none";
+    options.outlier_sigmas = 0;
+    options.start = "blind";
+    return options;
+}
+
+// Qualitatively right: smooth errors of about 0.3 rad, 0.2 m and 0.5 m/s.
+Estimate poor_start(Estimate truth, unsigned seed) {
+    std::mt19937 engine(seed);
+    std::normal_distribution<double> normal;
+    const auto vector = [&] {
+        return Eigen::Vector3d(normal(engine), normal(engine), normal(engine));
+    };
+    const Eigen::Vector3d rotation = 0.2 * vector(), position = 0.15 * vector();
+    const double T = to_seconds(truth.states.back().t - truth.states.front().t);
+    for (StateEstimate& state : truth.states) {
+        const double s = to_seconds(state.t - truth.states.front().t) / T;
+        state.T_W_B.R = so3::exp(s * rotation) * state.T_W_B.R;
+        state.T_W_B.p += std::sin(2 * M_PI * s) * position;
+        state.v_W += 2 * M_PI / T * std::cos(2 * M_PI * s) * position;
+        state.gyro_bias.setZero();
+        state.accel_bias.setZero();
+    }
+    truth.landmarks.clear();
+    return truth;
+}
+
+void print_errors(const char* name, const BatchResult& result, const Estimate& truth) {
+    if (result.estimate.states.empty()) {
+        std::printf("%-26s %s\n", name, result.report.reason.c_str());
+        return;
+    }
+    const Errors e = errors_of(result.estimate, truth);
+    std::printf("%-26s %8.3f %8.2f %8.2f %8.1f %6d %6d %12.4f  %s\n", name, e.rotation * kDegrees,
+                100 * e.position, 100 * e.worst_position, 100 * e.scale, result.report.iterations,
+                result.report.rejected_steps, result.report.final_cost,
+                result.report.converged ? "" : result.report.reason.c_str());
+    std::fflush(stdout);
+}
+
+void arm(const std::string& folder, int seeds, bool poor) {
+    std::printf("%-26s %8s %8s %8s %8s %6s %6s\n", "variance, seed", "rot. deg", "pos. cm",
+                "max. cm", "scale %", "iter.", "reject");
+    for (double variance : {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3})
+        for (int seed = 1; seed <= seeds; ++seed) {
+            const ScenarioRun run = run_scenario(scenario(folder, "perspective_arm", seed));
+            const BatchOptions options = paper_options(variance, run.sigma_px);
+            char name[60];
+            std::snprintf(name, sizeof name, "%.0e, %d", variance, seed);
+            std::optional<Estimate> start;
+            if (poor) start = poor_start(run.truth, static_cast<unsigned>(seed));
+            print_errors(name, estimate_batch(run.problem, options, start), run.truth);
+        }
+}
+
+// Paths like the arm's that turn about a random axis by a span.
+void rotations(int seeds) {
+    std::printf("%-10s %22s %22s\n", "span, deg", "image and inertial, %", "image-only, %");
+    for (int span : {30, 90, 180, 270}) {
+        int good[2] = {};
+        for (int seed = 1; seed <= seeds; ++seed) {
+            std::mt19937 engine(static_cast<unsigned>(1000 * span + seed));
+            std::normal_distribution<double> normal;
+            const Eigen::Vector3d axis =
+                Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
+            SimulatedRunOptions simulation;
+            simulation.seed = static_cast<unsigned>(seed);
+            simulation.seconds = 5;
+            simulation.image_hz = 30;
+            simulation.features = 40;
+            simulation.longest_track = 60;
+            const double rate = span / kDegrees / 5;
+            simulation.rotation = [=](double t) -> Eigen::Matrix3d {
+                return so3::exp(rate * t * axis);
+            };
+            const SimulatedRun run = simulate_run(simulation);
+            const Estimate truth = truth_of(run);
+            for (const bool inertial : {true, false}) {
+                BatchOptions options;
+                options.start = "blind";
+                options.covariances = false;
+                const BatchResult result = estimate_batch(batch_problem(run, inertial), options);
+                if (!result.report.converged || result.estimate.states.empty()) continue;
+                const Errors e = errors_of(result.estimate, truth);
+                good[inertial ? 0 : 1] += e.position < 0.05 && e.rotation < 0.05;
+            }
+        }
+        std::printf("%-10d %22.0f %22.0f\n", span, 100.0 * good[0] / seeds,
+                    100.0 * good[1] / seeds);
+        std::fflush(stdout);
+    }
+}
+
+void image_only(const std::string& folder, int seeds) {
+    std::printf("%-26s %8s %8s %8s %8s %6s %6s\n", "", "rot. deg", "pos. cm", "max. cm", "scale %",
+                "iter.", "reject");
+    for (const double noise : {2.0, 0.0})
+        for (int seed = 1; seed <= seeds; ++seed) {
+            ScenarioOptions options = scenario(folder, "perspective_arm", seed);
+            options.track_model.noise_px = noise;
+            ScenarioRun run = run_scenario(options);
+            BatchOptions batch;
+            batch.sigma_px = 2;
+            batch.loss = "none";
+            batch.outlier_sigmas = 0;
+            batch.cost_tolerance = 1e-12;
+            batch.start = "blind";
+            const BatchResult both = estimate_batch(run.problem, batch);
+            print_errors(noise > 0 ? "image and inertial" : "  image and inertial, exact", both,
+                         run.truth);
+            run.problem.imu = {};
+            print_errors(noise > 0 ? "image only" : "  image only, exact",
+                         estimate_batch(run.problem, batch, both.estimate), run.truth);
+        }
+}
+
+struct Consistency {
+    double pose = 0, velocity = 0, bias = 0;
+    int runs = 0;
+
+    void add(const StateEstimate& estimate, const StateEstimate& truth) {
+        const auto e = state_error(estimate, truth);
+        const auto nees = [&](int first, int size) {
+            return e.segment(first, size)
+                .dot(estimate.covariance.block(first, first, size, size).inverse() *
+                     e.segment(first, size));
+        };
+        pose += nees(0, 6);
+        velocity += nees(6, 3);
+        bias += nees(9, 6);
+        ++runs;
+    }
+    void print(const char* name) const {
+        const auto row = [&](const char* what, double sum, double dof) {
+            const double bound = 1.96 * std::sqrt(2 * dof / runs), mean = sum / runs;
+            std::printf("%-10s %-9s %7.3f  (%.3f to %.3f) %s\n", name, what, mean, dof - bound,
+                        dof + bound, std::abs(mean - dof) < bound ? "" : "outside");
+        };
+        row("pose", pose, 6);
+        row("velocity", velocity, 3);
+        row("bias", bias, 6);
+        std::fflush(stdout);
+    }
+};
+
+void consistency(const char* name, const ScenarioOptions& base, int seeds, int images) {
+    Consistency sums;
+    for (int seed = 1; seed <= seeds; ++seed) {
+        ScenarioOptions options = base;
+        options.seed = seed;
+        const ScenarioRun run = run_scenario(options, images);
+        BatchOptions batch;
+        batch.sigma_px = run.sigma_px;
+        batch.loss = "none";
+        batch.outlier_sigmas = 0;
+        const BatchResult result = estimate_batch(run.problem, batch, run.truth);
+        if (!result.report.converged) {
+            std::printf("%s, seed %d: %s\n", name, seed, result.report.reason.c_str());
+            continue;
+        }
+        const Estimate truth = seen_from(run.truth, result.estimate.states.front().T_W_B);
+        sums.add(result.estimate.states.back(), truth.states.back());
+    }
+    sums.print(name);
+}
+
+}  // namespace
+}  // namespace vio::test
+
+int main(int argc, char** argv) {
+    using namespace vio::test;
+    if (argc < 3) {
+        std::cerr << "vio_batch_figures: expected TABLE DATASETS_DIR [SEEDS] [TRUTH IMU]\n";
+        return 2;
+    }
+    const std::string table = argv[1], folder = argv[2];
+    const int seeds = argc > 3 ? std::stoi(argv[3]) : 3;
+    try {
+        if (table == "arm" || table == "poor") {
+            arm(folder, seeds, table == "poor");
+        } else if (table == "rotations") {
+            rotations(seeds);
+        } else if (table == "image_only") {
+            image_only(folder, seeds);
+        } else if (table == "nees") {
+            consistency("arm", scenario(folder, "perspective_arm", 1), seeds, 0);
+            consistency("crane", scenario(folder, "crane", 1), seeds, 100);
+            if (argc > 5) {
+                vio::ScenarioOptions options = scenario(folder, "v101_tracks", 1);
+                options.recorded_file = argv[4];
+                options.recorded_imu_file = argv[5];
+                consistency("V1_01", options, seeds, 200);
+            }
+        } else {
+            std::cerr << "vio_batch_figures: no table '" << table << "'\n";
+            return 2;
+        }
+    } catch (const std::exception& error) {
+        std::cerr << error.what() << '\n';
+        return 1;
+    }
+}
