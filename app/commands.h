@@ -11,6 +11,7 @@ void add_import(CLI::App& program);
 void add_track(CLI::App& program);
 void add_simulate(CLI::App& program);
 void add_slow(CLI::App& program);
+void add_sheet(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_render(CLI::App& program);
 void add_export(CLI::App& program);

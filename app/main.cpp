@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
     vio::app::add_track(program);
     vio::app::add_simulate(program);
     vio::app::add_slow(program);
+    vio::app::add_sheet(program);
     vio::app::add_evaluate(program);
     vio::app::add_render(program);
     vio::app::add_export(program);

@@ -102,3 +102,16 @@ fi
 echo
 echo "Scenarios beside the experiments that they imitate"
 "$VIO_SLAM" statistics datasets/{perspective_arm,crane,rover,rover_sparse}.ini
+
+if [[ -x build/release/tests/vio_benchmarks ]]; then
+    echo
+    echo "Rendered images: time, and Lucas-Kanade against the true projections (lk_px, bar 0.15)"
+    build/release/tests/vio_benchmarks --benchmark_filter=draw 2>/dev/null | cut -c 1-140
+fi
+
+if [[ -d $DATA/euroc_v101_imu_gt ]]; then
+    echo
+    echo "V1_01 with recorded readings, simulated tracks"
+    "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
+        --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
+fi

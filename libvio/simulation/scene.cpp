@@ -1,6 +1,7 @@
 #include "libvio/simulation/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -72,8 +73,8 @@ class Builder {
         : solids_(solids), textures_(textures), random_(seed, "scene") {
         constexpr int kTextures = 4;
         for (int i = 0; i < kTextures; ++i)
-            textures_.push_back(
-                std::make_shared<Texture>(Random::stream_seed(seed, "texture") + i, texel));
+            textures_.push_back(std::make_shared<Texture>(
+                Material::kClutter, Random::stream_seed(seed, "texture") + i, texel));
     }
 
     Random& random() { return random_; }
@@ -199,8 +200,49 @@ Scene Scene::make(const std::string& kind, std::uint64_t seed, const SceneLayout
     else
         throw InputError("scenario [scene] kind: no scene '" + kind +
                          "'; use arm_cell, room, crane_hall, outdoor, plane or far_hills");
+    scene.paint(kind, seed, texel);
     for (Solid& solid : scene.solids_) solid.T_W_S.p += layout.origin;
     return scene;
+}
+
+// Gives solids the material that they are made of, some of the boxes excepted: things with much on
+// them. The table of the arm cell is all clutter.
+void Scene::paint(const std::string& kind, std::uint64_t seed, double texel) {
+    if (kind == "arm_cell") return;
+    std::array<int, 6> idx{};
+    const auto of = [&](Material material, int side) {
+        int& i = idx[static_cast<size_t>(material)];
+        if (i == 0) {
+            i = static_cast<int>(textures_.size());
+            textures_.push_back(std::make_shared<Texture>(
+                material, Random::stream_seed(seed, "material") + static_cast<std::uint64_t>(i),
+                texel, side));
+        }
+        return i;
+    };
+    const bool outside = kind != "room" && kind != "crane_hall";
+    for (size_t i = 0; i < solids_.size(); ++i) {
+        Solid& solid = solids_[i];
+        if (solid.hollow) {
+            solid.texture_idx = of(Material::kWall, 2048);
+            solid.floor_texture_idx = of(Material::kPlanks, 1024);
+            solid.ceiling_texture_idx = of(Material::kConcrete, 1024);
+            solid.brightness = 1;
+        } else if (solid.shape == Solid::Shape::kEllipsoid) {
+            solid.texture_idx = of(Material::kRock, 1024);
+        } else if (i == 0) {
+            solid.texture_idx = of(outside ? Material::kSoil : Material::kConcrete, 2048);
+        } else if (i % 3 == 0) {
+            solid.texture_idx = of(Material::kPlanks, 1024);
+        }
+    }
+}
+
+int Scene::texture_idx(const SurfaceHit& hit) const {
+    const Solid& solid = solids_[hit.solid_idx];
+    if (hit.axis != 2) return solid.texture_idx;
+    const int other = hit.p_S.z() < 0 ? solid.floor_texture_idx : solid.ceiling_texture_idx;
+    return other < 0 ? solid.texture_idx : other;
 }
 
 std::optional<SurfaceHit> Scene::cast(const Eigen::Vector3d& origin_W,
@@ -239,12 +281,14 @@ std::optional<SurfaceHit> Scene::cast(const Eigen::Vector3d& origin_W,
 
 double Scene::intensity(const SurfaceHit& hit, double angle) const {
     const Solid& solid = solids_[hit.solid_idx];
-    const int i = (hit.axis + 1) % 3, j = (hit.axis + 2) % 3;
+    const Texture& texture = *textures_[texture_idx(hit)];
+    int i = (hit.axis + 1) % 3, j = (hit.axis + 2) % 3;
+    if (hit.axis == 1 && is_directed(texture.material())) std::swap(i, j);  // v is up on walls
     const double u = hit.p_S[i] + solid.texture_offset.x() + 17.3 * hit.axis;
     const double v = hit.p_S[j] + solid.texture_offset.y() + (hit.p_S[hit.axis] < 0 ? 5.1 : 0);
     const double footprint = hit.distance * angle / std::sqrt(std::max(hit.cosine, 0.02));
     const double light = solid.brightness * hit.shade;
-    return std::min(255.0, light * textures_[solid.texture_idx]->sample(u, v, footprint));
+    return std::min(255.0, light * texture.sample(u, v, footprint));
 }
 
 double Scene::sky(const Eigen::Vector3d& direction_W) const {

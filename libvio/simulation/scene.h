@@ -21,6 +21,7 @@ struct Solid {
     Pose T_W_S;
     Eigen::Vector3d half_extent = Eigen::Vector3d::Ones();  ///< [m]
     int texture_idx = 0;
+    int floor_texture_idx = -1, ceiling_texture_idx = -1;      ///< of z faces seen from inside
     Eigen::Vector2d texture_offset = Eigen::Vector2d::Zero();  ///< [m]
     double brightness = 1;                                     ///< factor on the texture
 };
@@ -64,7 +65,8 @@ class Scene {
     double sky(const Eigen::Vector3d& direction_W) const;
 
  private:
-    void add(const Solid& solid) { solids_.push_back(solid); }
+    void paint(const std::string& kind, std::uint64_t seed, double texel);
+    int texture_idx(const SurfaceHit& hit) const;
 
     std::vector<Solid> solids_;
     std::vector<std::shared_ptr<const Texture>> textures_;

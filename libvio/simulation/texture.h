@@ -6,17 +6,19 @@
 #include <mutex>
 #include <vector>
 
+#include "libvio/simulation/materials.h"
+
 namespace vio {
 
-/// Grey, periodic texture: opaque leaves (rotated rectangles and discs of all sizes, the newest on
-/// top; the "dead leaves" model, whose statistics are those of natural images) over and under
-/// several octaves of gradient noise. It has corners at every scale. Sampled bilinearly from a
+/// Grey, periodic texture of a material: it has corners at every scale. Sampled bilinearly from a
 /// pyramid, so that distant surfaces do not alias. It is made when it is first sampled, which may
 /// be from several threads.
 class Texture {
  public:
     /// texel: size of the finest texel on the surface [m]. side: texels per period, a power of two.
-    Texture(std::uint64_t seed, double texel, int side = 1024);
+    Texture(Material material, std::uint64_t seed, double texel, int side = 1024);
+
+    Material material() const { return material_; }
 
     /// Intensity 0..255 at surface coordinates (u, v) [m], averaged over about `footprint` [m].
     double sample(double u, double v, double footprint) const;
@@ -32,6 +34,7 @@ class Texture {
 
     void make() const;
 
+    Material material_;
     std::uint64_t seed_;
     double inverse_texel_;
     int side_;

@@ -86,7 +86,7 @@ class Cli : public ::testing::Test {
 
 TEST_F(Cli, HelpOfEveryCommandGoesToStandardOutput) {
     for (const char* command : {"", "run", "import", "import asl", "track", "simulate", "slow",
-                                "evaluate", "render", "info", "statistics"}) {
+                                "sheet", "evaluate", "render", "info", "statistics"}) {
         const ProgramResult result = run(std::string(command) + " --help");
         EXPECT_EQ(result.exit_code, 0) << command;
         EXPECT_NE(result.out.find("--help"), std::string::npos) << command;
@@ -113,6 +113,7 @@ TEST_F(Cli, MissingFile) {
     expect_error("run " + rawlog({}) + " --calibration " + gone + output(), {gone});
     expect_error("import asl " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("simulate " + gone + " -o " + folder_ / "x.rawlog", {gone});
+    expect_error("sheet " + gone + " -o " + folder_ / "x.png", {gone});
     expect_error("slow " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("track " + gone + " -o " + folder_ / "x.rawlog", {gone});
     expect_error("evaluate " + gone + " --against " + folder_ / "truth.tum", {gone});
