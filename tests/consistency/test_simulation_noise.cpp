@@ -1,6 +1,8 @@
-// The simulated tracks have the errors that they claim: the ground on which NEES stands.
+// The simulated tracks and readings have the errors that they claim: the ground on which NEES
+// stands.
 #include <gtest/gtest.h>
 
+#include "libvio/imu/preintegration.h"
 #include "libvio/simulation/scenario.h"
 
 namespace vio {
@@ -88,6 +90,52 @@ TEST(TrackDrift, WalksWithTheStatedVariance) {
             }
     }
     EXPECT_NEAR(squares, 2 * count, 4 * std::sqrt(4 * count));
+}
+
+// What the estimators weigh is the readings integrated from image to image: over seeds, the error
+// of that has the covariance that preintegration gives it.
+TEST(ImuNoise, IntegratedReadingsHaveTheClaimedCovarianceOver200Seeds) {
+    constexpr int kSeeds = 200;
+    const Simulation simulation(few_images(1));
+    const TimeNs begin = simulation.image_times().front(), end = simulation.image_times().back();
+    ImuErrors errors = simulation.options().imu;
+    errors.gyro_step = errors.accel_step = 0;  // quantisation is no part of the noise model
+    const ImuNoise noise = errors.noise;
+    const auto preintegrated = [&](const std::vector<ImuReading>& readings, const ImuBias& bias) {
+        return PreintegratedImu(ImuSequence(readings).segments(begin, end).value(), bias, noise);
+    };
+    const InertialState start;
+    const InertialState reached =
+        preintegrated(simulation.ideal_imu(), {}).predict(start, {}, simulation.g_W());
+
+    double squares = 0, gyro_walk = 0, accel_walk = 0, steps = 0;
+    int outside = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+        Random random(static_cast<std::uint64_t>(seed), "imu");
+        errors.initial_bias = {0.01 * random.normal3(), 0.2 * random.normal3()};
+        const SimulatedImu imu = with_errors(simulation.ideal_imu(), errors, random);
+        std::vector<ImuReading> unbiased = imu.readings;
+        for (size_t k = 0; k < unbiased.size(); ++k) {
+            unbiased[k].gyro -= imu.biases[k].gyro;
+            unbiased[k].accel -= imu.biases[k].accel;
+            if (k == 0) continue;
+            const double dt = to_seconds(unbiased[k].t - unbiased[k - 1].t);
+            gyro_walk += (imu.biases[k].gyro - imu.biases[k - 1].gyro).squaredNorm() /
+                         (std::pow(noise.gyro_bias_random_walk, 2) * dt);
+            accel_walk += (imu.biases[k].accel - imu.biases[k - 1].accel).squaredNorm() /
+                          (std::pow(noise.accel_bias_random_walk, 2) * dt);
+            steps += 3;
+        }
+        const PreintegratedImu measured = preintegrated(unbiased, {});
+        const Vector9d r = measured.residual(start, reached, {}, simulation.g_W());
+        const double chi2 = r.dot(measured.covariance().ldlt().solve(r));
+        squares += chi2;
+        outside += chi2 < lower_bound(9) || chi2 > upper_bound(9) ? 1 : 0;
+    }
+    EXPECT_NEAR(squares, 9 * kSeeds, 4 * std::sqrt(2 * 9.0 * kSeeds));
+    EXPECT_LE(outside, 8);
+    EXPECT_NEAR(gyro_walk, steps, 4 * std::sqrt(2 * steps));
+    EXPECT_NEAR(accel_walk, steps, 4 * std::sqrt(2 * steps));
 }
 
 }  // namespace
