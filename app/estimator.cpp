@@ -4,6 +4,7 @@
 #include <optional>
 #include <sstream>
 
+#include "libvio/io/results.h"
 #include "libvio/io/text.h"
 
 namespace vio::app {
@@ -28,7 +29,8 @@ class Batch final : public Estimator {
         problem_.rig = rig;
         if (!request.fiducials_file.empty())
             problem_.fiducials = read_fiducials(request.fiducials_file);
-        if (options_.start != "iekf") return;
+        if (!request.start_folder.empty()) start_ = read_results(request.start_folder);
+        if (options_.start != "iekf" || start_) return;
         if (!problem_.fiducials.empty())
             throw InputError(
                 "--start iekf knows no fiducials: its path is not in their frame; use staged");
@@ -44,15 +46,14 @@ class Batch final : public Estimator {
         if (starter_) starter_->add(frame);
     }
     void finish() override {
-        if (!starter_) {
-            result_ = estimate_batch(problem_, options_);
-            return;
+        if (starter_) {
+            starter_->finish();
+            start_ = starter_->estimate();
         }
-        starter_->finish();
-        if (starter_->estimate().states.empty())
+        if (start_ && start_->states.empty())
             result_.report.reason = "the recursive estimator gave no start";
         else
-            result_ = estimate_batch(problem_, options_, starter_->estimate());
+            result_ = estimate_batch(problem_, options_, start_);
     }
 
     const Estimate& estimate() const override { return result_.estimate; }
@@ -70,12 +71,14 @@ class Batch final : public Estimator {
         return starter_ ? starter_->status() : std::vector<StatusEntry>{};
     }
     bool converged() const override { return result_.report.converged; }
+    int iterations() const override { return result_.report.iterations; }
     Eigen::Vector3d gyro_bias() const override { return Eigen::Vector3d::Zero(); }
 
  private:
     BatchProblem problem_;
     BatchOptions options_;
-    std::optional<Iekf> starter_;  // if the start is to come from it
+    std::optional<Iekf> starter_;    // if the start is to come from it
+    std::optional<Estimate> start_;  // from it, or given
     BatchResult result_;
 };
 
@@ -92,6 +95,7 @@ class Recursive final : public Estimator {
     std::string report() const override { return ""; }
     std::vector<StatusEntry> events() const override { return filter_.status(); }
     bool converged() const override { return !filter_.estimate().states.empty(); }
+    int iterations() const override { return 0; }
     Eigen::Vector3d gyro_bias() const override { return filter_.gyro_bias(); }
 
  private:

@@ -27,6 +27,8 @@ class Estimator {
     virtual std::vector<StatusEntry> events() const = 0;
     /// Whether the estimate is what the method aims at; otherwise report() says why not.
     virtual bool converged() const = 0;
+    /// Steps of the minimisation; 0 for the filter.
+    virtual int iterations() const = 0;
     /// Gyro bias as known so far [rad/s], for the tracker's prediction.
     virtual Eigen::Vector3d gyro_bias() const = 0;
 };

@@ -30,6 +30,9 @@ int main(int argc, char** argv) {
     vio::app::add_slow(program);
     vio::app::add_sheet(program);
     vio::app::add_evaluate(program);
+    vio::app::add_report(program);
+    vio::app::add_sweep(program);
+    vio::app::add_reproduce(program);
     vio::app::add_render(program);
     vio::app::add_export(program);
     vio::app::add_info(program);

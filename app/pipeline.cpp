@@ -172,6 +172,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     for (const StatusEntry& event : report.events)
         json["events"].push_back({{"t_ns", event.t}, {"text", event.text}});
     json["converged"] = report.converged;
+    json["iterations"] = report.iterations;
     json["imu_readings"] = report.imu_readings;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
@@ -221,6 +222,7 @@ RunReport run_pipeline(const RunRequest& request) {
     report.estimator_says = estimator->report();
     report.events = estimator->events();
     report.converged = estimator->converged();
+    report.iterations = estimator->iterations();
     if (estimator->estimate().states.empty()) throw no_pose(request, report);
     summarise(estimator->estimate(), report);
     timed(report.input_output_s,

@@ -31,6 +31,7 @@ struct RunRequest {
     bool overwrite = false;          ///< results that are in the folder already
     std::string truth_file;          ///< drawn into the picture; empty: none
     std::string fiducials_file;      ///< known points for the batch estimator; empty: none
+    std::string start_folder;        ///< results that the batch estimate starts from; empty: none
     double begin_s = 0;              ///< part of the recording: seconds from its first measurement
     double end_s = std::numeric_limits<double>::infinity();
     PipelineOptions options;
@@ -48,6 +49,7 @@ struct RunReport {
     std::string estimator_says;       ///< how the estimate went, in words
     std::vector<StatusEntry> events;  ///< starts, losses of track
     double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;
+    int iterations = 0;           ///< of the batch estimator
     bool converged = false;       ///< see Estimator::converged
     std::string picture_problem;  ///< why there is no picture; empty: there is one
     std::string damage;           ///< why reading stopped early; empty: the whole file was read

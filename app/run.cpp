@@ -62,6 +62,8 @@ void run(Arguments arguments) {
         throw InputError("--output DIR is missing: the folder for the results");
     if (!request.fiducials_file.empty() && request.estimator != "batch")
         throw InputError("--fiducials is for --estimator batch");
+    if (!request.start_folder.empty() && request.estimator != "batch")
+        throw InputError("--start-from is for --estimator batch");
     request.use_imu = arguments.sensors == "image+imu";
     const RunReport report = run_pipeline(request);
     print(report, request);
@@ -92,6 +94,10 @@ void add_run(CLI::App& program) {
         ->add_option("--start", arguments->start,
                      "Where the batch estimate starts (short for --set batch.start=...)")
         ->check(CLI::IsMember({"blind", "staged"}));
+    command
+        ->add_option("--start-from", request.start_folder,
+                     "Results folder that the batch estimate starts from")
+        ->excludes("--start");
     command->add_option("--config", arguments->config, "INI file with options");
     command
         ->add_option("--set", arguments->assignments,

@@ -1,0 +1,70 @@
+// Rows that set the paper's error metrics beside ours, and paths for its figures.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/measures.h"
+#include "app/page.h"
+#include "app/paper.h"
+#include "app/plot.h"
+
+namespace vio::app {
+
+constexpr double kNone = -1e9;  ///< the paper gives no value
+
+/// The paper's values: rad, cm, percent.
+struct PaperValues {
+    double rotation_mean = kNone, rotation_max = kNone;
+    double position_mean = kNone, position_max = kNone;
+    double scale = kNone;
+    double iterations = kNone;
+};
+
+/// A table of such rows under construction.
+class Comparison {
+ public:
+    /// `labels`: headers of the columns that say what a row is of.
+    Comparison(std::vector<std::string> labels, bool with_iterations);
+
+    void add(const std::vector<std::string>& labels, const Measures& ours,
+             const PaperValues& paper);
+    const Table& table() const { return table_; }
+    /// One line for each row of ours that has a figure above the paper's.
+    const std::vector<std::string>& worse() const { return worse_; }
+
+ private:
+    bool with_iterations_;
+    Table table_;
+    std::vector<std::string> worse_;
+};
+
+/// Outcomes of cells.
+std::vector<Outcome> outcomes(const CellStore& store, const std::vector<Cell>& cells);
+
+/// Whether a recording of the seeds' first serves: the paths of a result and of its truth, brought
+/// together by similarity, as series of columns a and b (0 x, 1 y, 2 z; 3: seconds).
+struct Paths {
+    Series estimate, truth;
+    bool ok = false;
+};
+Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour);
+
+/// A recording of the scenario with seed 1, 2 ...; further arguments of `simulate` follow.
+std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
+                     const std::string& arguments = "");
+
+/// Arguments of `run` as the paper has them. Batch: fixed variances, free gravity, constant biases,
+/// no robust loss; 2 px.
+std::string paper_batch(const std::string& variance, const std::string& arguments = "");
+/// The paper's filter: smooth motion with these variances, started from `prefix` images.
+std::string paper_filter(const std::string& rate_variance, const std::string& accel_variance,
+                         int prefix);
+/// This project's filter, driven by the inertial readings.
+std::string own_filter(int prefix);
+
+/// The exhibits of sections 7, and 8-10.
+std::vector<Exhibit> arm_exhibits();
+std::vector<Exhibit> other_exhibits();
+
+}  // namespace vio::app
