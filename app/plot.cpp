@@ -87,8 +87,9 @@ void write_plot(std::ostream& script, const Plot& plot, const std::string& file)
     }
     script << "set terminal svg size " << plot.width << "," << plot.height
            << " dynamic font 'sans-serif,12' noenhanced\nset output " << quoted(file) << "\n"
-           << "set border 3 lc rgb " << colour(kRule) << "\nset tics nomirror out scale 0.5 tc rgb "
-           << colour(kInk) << "\nset grid lc rgb " << colour(kRule) << " lt 1 lw 0.4\n"
+           << "set autoscale xfix\nset border 3 lc rgb " << colour(kRule)
+           << "\nset tics nomirror out scale 0.5 tc rgb " << colour(kInk) << "\nset grid lc rgb "
+           << colour(kRule) << " lt 1 lw 0.4\n"
            << "set key above left horizontal Left reverse samplen 2 tc rgb " << colour(kInk)
            << "\nset xlabel " << quoted(plot.x_label) << " tc rgb " << colour(kInk)
            << "\nset ylabel " << quoted(plot.y_label) << " tc rgb " << colour(kInk) << "\n"

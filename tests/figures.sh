@@ -2,8 +2,8 @@
 # Measures every figure that the README states and prints them as one table:
 #   tests/figures.sh [DATA_DIR]
 # DATA_DIR holds euroc_mh01_15s and euroc_imu_april (default: $VIO_DATA, else ../shared/data);
-# rows of absent data are left out. Needs ./run test's build. Runs on one core, one row after the
-# other; results go to out/figures.
+# rows of absent data are left out; VIO_PAPER=1 adds the paper's tables. Needs ./run test's build.
+# Runs on one core, one row after the other; results go to out/figures.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -114,4 +114,10 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
     echo "V1_01 with recorded readings, simulated tracks"
     "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
+fi
+
+# The paper's tables and figures: many minutes, so only if asked for.
+if [[ ${VIO_PAPER:-} ]]; then
+    echo
+    "$VIO_SLAM" reproduce all --output "$OUT/paper"
 fi

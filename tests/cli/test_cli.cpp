@@ -186,6 +186,73 @@ TEST_F(Cli, EvaluateSetsSeveralResultsBesideEachOther) {
         EXPECT_NE(result.out.find(name), std::string::npos) << result.out;
 }
 
+// Six seconds of feature tracks: quick to simulate and to estimate from.
+std::string small_scenario() {
+    return std::string(VIO_SOURCE_DIR) + "/datasets/perspective_arm.ini";
+}
+
+TEST_F(Cli, SweepRunsEveryCombinationOnceAndResumes) {
+    const std::string config = folder_ / "sweep.ini", out = folder_ / "sweep";
+    write_text(config, "[sweep]\nsimulate = " + small_scenario() +
+                           " --set images.render=false --set scenario.seed={seed}\n"
+                           "run = --estimator iekf --set iekf.prefix_images={prefix}\n"
+                           "evaluate = --align sim3\naverage = seed\n"
+                           "[vary]\nprefix = 40 nonsense\nseed = 1..2\n");
+    const ProgramResult list = run("sweep " + config + " -o " + out + " --list");
+    EXPECT_EQ(list.exit_code, 0) << list.err;
+    EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 4) << list.out;
+    const ProgramResult result = run("sweep " + config + " -o " + out);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    // A row for each prefix: the second one's runs fail, and say why.
+    EXPECT_NE(result.out.find("| 40 "), std::string::npos) << result.out;
+    EXPECT_NE(result.out.find("| nonsense |    2 |      2 |"), std::string::npos) << result.out;
+    EXPECT_NE(result.out.find("prefix_images"), std::string::npos) << result.out;
+    EXPECT_EQ(run("sweep " + config + " -o " + out + " --list").out, "")
+        << "nothing is left to run";
+    EXPECT_EQ(run("sweep " + config + " -o " + out).out, result.out);
+    EXPECT_FALSE(read_text(out + "/sweep.csv").empty());
+}
+
+TEST_F(Cli, SweepTellsBadConfigurations) {
+    const std::string config = folder_ / "sweep.ini", out = " -o " + folder_ / "sweep";
+    expect_error("sweep " + config + out, {config, "no such file"});
+    write_text(config, "[sweep]\nfly = yes\n");
+    expect_error("sweep " + config + out, {config, "(line 2)", "fly"});
+    write_text(config, "[sweep]\nrun = x\n");
+    expect_error("sweep " + config + out, {config, "simulate or rawlog"});
+    write_text(config, "[sweep]\nrawlog = x.rawlog\n");
+    expect_error("sweep " + config + out, {config, "truth"});
+    write_text(config, "[sweep]\nsimulate = x.ini\naverage = seed\n");
+    expect_error("sweep " + config + out, {config, "seed"});
+    expect_error("sweep " + config, {"--output"});
+    expect_error("sweep --cell " + folder_ / "gone", {"gone", "cell.json"});
+}
+
+TEST_F(Cli, ReproduceTellsBadNamesAndFolders) {
+    expect_error("reproduce table9", {"table9"});
+    expect_error("reproduce table6 --datasets " + folder_ / "gone", {"gone", "--datasets"});
+}
+
+TEST_F(Cli, ReportIsOneFileWithoutReferencesOutOfIt) {
+    if (std::system("gnuplot --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "no gnuplot";
+    const std::string stem = folder_ / "arm";
+    ASSERT_EQ(
+        run("simulate " + small_scenario() + " --set images.render=false -o " + stem + ".rawlog")
+            .exit_code,
+        0);
+    ASSERT_EQ(run("run " + stem + ".rawlog --estimator batch" + output()).exit_code, 0);
+    const ProgramResult result =
+        run("report " + folder_ / "out" + " --against " + stem + ".truth.tum");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const std::string page = read_text(folder_ / "out" + "/report.html");
+    for (const char* part : {"Path", "Errors over time", "3 sigma", "gyro bias", "Gravity",
+                             "features used", "estimation [s]", "Options as used"})
+        EXPECT_NE(page.find(part), std::string::npos) << part;
+    for (const char* reference : {"<link", "<script", "src=\"http", "url(http"})
+        EXPECT_EQ(page.find(reference), std::string::npos) << reference;
+    expect_error("report " + folder_ / "gone", {"gone", "no results folder"});
+}
+
 TEST_F(Cli, ForeignFile) {
     const std::string file = folder_ / "foreign.rawlog";
     write_text(file, "This is no rawlog.\n");
