@@ -88,16 +88,18 @@ void fix_gravity_norm(Course& course) {
 void start_blind(Course& course, int images) {
     course.model = make_model(course.problem, course.options, images, 2);
     course.state = blind_start(course.model, course.options);
-    minimize_stage(course, {true, "huber"},
+    minimize_stage(course, {true, "huber", true},
                    {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance)});
     fix_gravity_norm(course);
 }
 
 // Points that most of their images disagree with have been trapped (on the wrong side of a camera,
-// or placed from poses that were wrong then): the robust loss would never let them go.
-void free_trapped_points(Course& course) {
+// or placed from poses that were wrong then): the robust loss would never let them go. True if any
+// was moved.
+bool free_trapped_points(Course& course) {
     const double limit2 = std::pow(course.options.loss_width * 2, 2);
     const Objective objective(course.model, course.options, {});
+    bool moved_any = false;
     for (size_t j = 0; j < course.model.points.size(); ++j) {
         const Point& point = course.model.points[j];
         const auto misfits = [&](const State& state) {
@@ -113,8 +115,12 @@ void free_trapped_points(Course& course) {
         const auto moved = triangulate_point(course.model, course.state, point);
         if (!moved) continue;
         const Eigen::Vector3d kept = std::exchange(course.state.points[j], *moved);
-        if (misfits(course.state) >= before) course.state.points[j] = kept;
+        if (misfits(course.state) >= before)
+            course.state.points[j] = kept;
+        else
+            moved_any = true;
     }
+    return moved_any;
 }
 
 // Grows the estimate from a prefix to all images, by a quarter at a time.
@@ -160,9 +166,8 @@ bool drop_outliers(Course& course) {
 void minimize_all(Course& course) {
     const Stage stage{course.options.gravity == "free", course.options.loss};
     const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
-    minimize_stage(course, stage, {limits.max_iterations, std::max(1e-4, limits.cost_tolerance)});
-    free_trapped_points(course);
     minimize_stage(course, stage, limits);
+    if (free_trapped_points(course)) minimize_stage(course, stage, limits);
     if (drop_outliers(course)) minimize_stage(course, stage, limits);
 }
 
@@ -238,6 +243,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         fix_gravity_norm(course);
     } else if (options.start == "blind") {
         start_blind(course, images);
+        free_trapped_points(course);
     } else {
         start_staged(course);
     }

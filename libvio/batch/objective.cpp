@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "libvio/batch/parallel.h"
 #include "libvio/geometry/so3.h"
@@ -42,9 +43,10 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
       threads_(thread_count(options)),
       T_C_I_(model.T_I_C.inverse()),
       pose_sums_(kPieces) {
-    // As far off as the image is large: leaving the field of view never pays.
-    const double size_px = std::hypot(model.camera->width(), model.camera->height());
-    unseen_distance2_ = size_px * size_px / (options.sigma_px * options.sigma_px);
+    const double diagonal = std::hypot(model.camera->width(), model.camera->height());
+    largest_distance2_ = stage.truncated
+                             ? diagonal * diagonal / (options.sigma_px * options.sigma_px)
+                             : std::numeric_limits<double>::infinity();
     if (model.inertial)
         for (int i = 0; i + 1 < model.frames(); ++i) intervals_.push_back(make_interval(i, {}));
 }
@@ -113,10 +115,29 @@ std::optional<Eigen::Vector2d> Objective::image_residual(const State& state,
     return *uv - observation.uv_px;
 }
 
+Eigen::Vector3d Objective::unseen_residual(const Eigen::Vector3d& p_C,
+                                           const Observation& observation,
+                                           Eigen::Matrix3d* J) const {
+    // In whitened pixels: by the mean of the two axes' standard deviations.
+    const double weight =
+        std::sqrt(observation.sqrt_information.determinant()) / model_.camera->angular_resolution();
+    if (J) J->setZero();
+    const auto ray = model_.camera->ray(observation.uv_px);
+    const Eigen::Vector3d d = ray ? Eigen::Vector3d(p_C - ray->origin) : p_C;
+    const double range = d.norm();
+    if (!ray || !(range > 0)) return Eigen::Vector3d(2 * weight, 0, 0);
+    const Eigen::Vector3d direction = d / range;
+    if (J) *J = weight / range * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
+    return weight * (direction - ray->direction.normalized());
+}
+
 double Objective::observation_distance2(const State& state, const Observation& observation) const {
-    const auto r = image_residual(state, observation);
-    if (!r) return unseen_distance2_;
-    return std::min(unseen_distance2_, (observation.sqrt_information * *r).squaredNorm());
+    if (const auto r = image_residual(state, observation))
+        return std::min(largest_distance2_, (observation.sqrt_information * *r).squaredNorm());
+    if (stage_.truncated) return largest_distance2_;
+    const InertialState& I = state.frames[observation.frame_idx].motion;
+    const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
+    return unseen_residual(T_C_I_ * p_I, observation, nullptr).squaredNorm();
 }
 
 Cost Objective::evaluate(const State& state) const {
@@ -162,36 +183,54 @@ Cost Objective::evaluate(const State& state) const {
     return cost;
 }
 
-void Objective::linearize_observation(const State& state, int k, NormalEquations& eq,
-                                      PoseSums& sums) const {
+template <int N>
+void Objective::add_observation(const State& state, int k, const Eigen::Matrix<double, N, 1>& r,
+                                const Eigen::Matrix<double, N, 3>& J_C, NormalEquations& eq,
+                                PoseSums& sums) const {
     const Observation& observation = model_.observations[k];
     const int i = observation.frame_idx, j = observation.point_idx;
     const InertialState& I = state.frames[i].motion;
-    const Eigen::Vector3d p_I = I.R.transpose() * (state.points[j] - I.p);
-    Matrix23d J_C;
-    const auto uv = model_.camera->project(T_C_I_ * p_I, &J_C);
-    Eigen::Vector2d r;
-    if (uv) r = observation.sqrt_information * (*uv - observation.uv_px);
-    if (!uv || r.squaredNorm() > unseen_distance2_) {
-        sums.cost += robust(unseen_distance2_);
-        return;
-    }
-    sums.cost += robust(r.squaredNorm());
-    const double w = robust_weight(r.squaredNorm());
-    const Matrix23d J_I = observation.sqrt_information * J_C * T_C_I_.R;
-    const Matrix23d J_X = J_I * I.R.transpose();
-    eq.V[j].noalias() += (w * J_X).transpose() * J_X;
-    eq.b[j].noalias() += (w * J_X).transpose() * r;
+    const double distance2 = r.squaredNorm();
+    sums.cost += robust(distance2);
+    const double w = robust_weight(distance2);
+    const Eigen::Matrix<double, N, 3> J_I = J_C * T_C_I_.R;
+    const Eigen::Matrix<double, N, 3> J_X = J_I * I.R.transpose(), weighted_X = w * J_X;
+    eq.V[j].noalias() += weighted_X.transpose() * J_X;
+    eq.b[j].noalias() += weighted_X.transpose() * r;
     if (i == 0 && !model_.surveyed()) return;  // held
-    Eigen::Matrix<double, 2, 6> J_pose;
+    const Eigen::Vector3d p_I = I.R.transpose() * (state.points[j] - I.p);
+    Eigen::Matrix<double, N, 6> J_pose;
     J_pose << J_I * so3::skew(p_I), -J_X;
-    const Eigen::Matrix<double, 2, 6> weighted = w * J_pose;
+    const Eigen::Matrix<double, N, 6> weighted = w * J_pose;
     sums.H[i - sums.first].noalias() += weighted.transpose() * J_pose;
     sums.g[i - sums.first].noalias() += weighted.transpose() * r;
     eq.W[k].noalias() = weighted.transpose() * J_X;
     if (const int slot = eq.layout().border_of_point[j]; slot >= 0)
         eq.matrix.block(eq.layout().border_block(slot), eq.layout().pose_block(i)) +=
             eq.W[k].transpose();
+}
+
+void Objective::linearize_observation(const State& state, int k, NormalEquations& eq,
+                                      PoseSums& sums) const {
+    const Observation& observation = model_.observations[k];
+    const InertialState& I = state.frames[observation.frame_idx].motion;
+    const Eigen::Vector3d p_C =
+        T_C_I_ * (I.R.transpose() * (state.points[observation.point_idx] - I.p));
+    Matrix23d J_C;
+    if (const auto uv = model_.camera->project(p_C, &J_C)) {
+        const Eigen::Vector2d r = observation.sqrt_information * (*uv - observation.uv_px);
+        const Matrix23d J = observation.sqrt_information * J_C;
+        if (r.squaredNorm() > largest_distance2_)
+            sums.cost += robust(largest_distance2_);
+        else
+            add_observation<2>(state, k, r, J, eq, sums);
+    } else if (stage_.truncated) {
+        sums.cost += robust(largest_distance2_);
+    } else {
+        Eigen::Matrix3d J;
+        const Eigen::Vector3d r = unseen_residual(p_C, observation, &J);
+        add_observation<3>(state, k, r, J, eq, sums);
+    }
 }
 
 double Objective::linearize_image(const State& state, NormalEquations& eq) {

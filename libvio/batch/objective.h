@@ -19,6 +19,9 @@ struct Cost {
 struct Stage {
     bool gravity_free = false;  ///< estimate its norm too
     std::string loss = "none";
+    /// Observations that are off by more than the image's diagonal, or out of sight, cost that much
+    /// and exert no pull: far from the solution they would pull anywhere.
+    bool truncated = false;
 };
 
 class Objective {
@@ -47,7 +50,10 @@ class Objective {
     std::optional<Eigen::Vector2d> image_residual(const State& state,
                                                   const Observation& observation) const;
 
-    /// Whitened squared distance of one observation; the cap where it cannot be seen.
+    /// Whitened squared distance of one observation. A point that the camera cannot image in a
+    /// trial state (behind it, beyond its field of view) counts, and is drawn back, by the angle
+    /// between it and its sight line: the chord of the two on the unit sphere, at a pixel's angular
+    /// size.
     double observation_distance2(const State& state, const Observation& observation) const;
 
  private:
@@ -67,8 +73,16 @@ class Objective {
     double robust(double distance2) const;
     double robust_weight(double distance2) const;
     double linearize_image(const State& state, NormalEquations& equations);
+    // Adds one observation with N residual components: residual and derivative wrt p_C, whitened.
+    template <int N>
+    void add_observation(const State& state, int observation_idx,
+                         const Eigen::Matrix<double, N, 1>& r,
+                         const Eigen::Matrix<double, N, 3>& J_C, NormalEquations& equations,
+                         PoseSums& sums) const;
     void linearize_observation(const State& state, int observation_idx, NormalEquations& equations,
                                PoseSums& sums) const;
+    Eigen::Vector3d unseen_residual(const Eigen::Vector3d& p_C, const Observation& observation,
+                                    Eigen::Matrix3d* J) const;
     double linearize_inertial(const State& state, NormalEquations& equations) const;
     double linearize_interval(const State& state, int i, const Eigen::Matrix3d& gravity_jacobian,
                               NormalEquations& equations, Eigen::Matrix<double, 9, 9>& global_H,
@@ -83,6 +97,7 @@ class Objective {
     BatchOptions options_;
     Stage stage_;
     int threads_;
+    double largest_distance2_;  ///< that an observation can have; infinite unless truncated
     Pose T_C_I_;
     std::vector<Interval> intervals_;
     std::vector<PoseSums> pose_sums_;  // of each piece of the points

@@ -219,6 +219,31 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
     EXPECT_NEAR(equations.predicted_decrease(step), promised, 1e-4 * promised);
 }
 
+TEST_P(BatchVariants, PointsOutOfSightAreDrawnBack) {
+    // A point behind the camera: its gradient is the derivative of its cost, and points home.
+    Objective objective(model_, options_, {GetParam().gravity_free, "none"});
+    const Observation& observation = model_.observations[40];
+    const int j = observation.point_idx;
+    const Eigen::Vector3d truth = state_.points[j];
+    const Pose T_W_C = Pose{state_.frames[observation.frame_idx].motion.R,
+                            state_.frames[observation.frame_idx].motion.p} *
+                       model_.T_I_C;
+    state_.points[j] = T_W_C * Eigen::Vector3d(0.7, 0.3, -1);
+    ASSERT_FALSE(objective.image_residual(state_, observation));
+    NormalEquations equations(model_, layout_);
+    objective.linearize(state_, equations);
+    EXPECT_LT(equations.b[j].dot(truth - state_.points[j]), 0);
+    for (int c = 0; c < 3; ++c) {
+        const auto cost = [&](double step) {
+            State moved = state_;
+            moved.points[j](c) += step;
+            return objective.evaluate(moved).total();
+        };
+        const double numeric = (cost(1e-6) - cost(-1e-6)) / 2e-6;
+        EXPECT_NEAR(numeric, 2 * equations.b[j](c), 1e-4 * equations.b[j].norm());
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(All, BatchVariants,
                          ::testing::Values(Variant{"random_walk", "preintegrated", false, true, 0},
                                            Variant{"random_walk", "preintegrated", true, true, 5},

@@ -102,12 +102,8 @@ ImuBias bias_of(const double* motion) {
 
 class ImageCost final : public ceres::SizedCostFunction<2, 7, 3> {
  public:
-    ImageCost(const Camera& camera, const Pose& T_C_I, double unseen_distance,
-              const batch::Observation& observation)
-        : camera_(camera),
-          T_C_I_(T_C_I),
-          unseen_distance_(unseen_distance),
-          observation_(observation) {}
+    ImageCost(const Camera& camera, const Pose& T_C_I, const batch::Observation& observation)
+        : camera_(camera), T_C_I_(T_C_I), observation_(observation) {}
 
     bool Evaluate(double const* const* x, double* residual, double** J) const override {
         const Eigen::Matrix3d R = Eigen::Map<const Eigen::Quaterniond>(x[0]).toRotationMatrix();
@@ -115,16 +111,10 @@ class ImageCost final : public ceres::SizedCostFunction<2, 7, 3> {
         const Eigen::Vector3d p_I = R.transpose() * (X - p);
         Matrix23d J_C;
         const auto uv = camera_.project(T_C_I_ * p_I, J ? &J_C : nullptr);
+        if (!uv) return false;
         Eigen::Map<Eigen::Vector2d> r(residual);
-        if (uv) r = observation_.sqrt_information * (*uv - observation_.uv_px);
-        const bool seen = uv && r.norm() <= unseen_distance_;
-        if (!seen) r << unseen_distance_, 0;
+        r = observation_.sqrt_information * (*uv - observation_.uv_px);
         if (!J) return true;
-        if (!seen) {
-            if (J[0]) RowMajor<2, 7>(J[0]).setZero();
-            if (J[1]) RowMajor<2, 3>(J[1]).setZero();
-            return true;
-        }
         const Matrix23d J_I = observation_.sqrt_information * J_C * T_C_I_.R;
         const Matrix23d J_X = J_I * R.transpose();
         if (J[0]) {
@@ -143,7 +133,6 @@ class ImageCost final : public ceres::SizedCostFunction<2, 7, 3> {
  private:
     const Camera& camera_;
     const Pose& T_C_I_;
-    double unseen_distance_;  // what a point that cannot be seen counts
     const batch::Observation& observation_;
 };
 
@@ -285,8 +274,6 @@ Solved solve_with_ceres(const batch::Model& model, const BatchOptions& options,
     problem_options.evaluation_callback = &reintegrate;
     ceres::Problem problem(problem_options);
     const Pose T_C_I = model.T_I_C.inverse();
-    const double unseen_distance =
-        std::hypot(model.camera->width(), model.camera->height()) / options.sigma_px;
     for (FrameParameters& frame : frames) {
         problem.AddParameterBlock(frame.pose, 7, &pose_manifold);
         problem.AddParameterBlock(frame.motion, 9);
@@ -294,8 +281,8 @@ Solved solve_with_ceres(const batch::Model& model, const BatchOptions& options,
     problem.AddParameterBlock(gravity.data(), 3, &sphere);
     problem.SetParameterBlockConstant(frames.front().pose);
     for (const batch::Observation& observation : model.observations)
-        problem.AddResidualBlock(new ImageCost(*model.camera, T_C_I, unseen_distance, observation),
-                                 nullptr, frames[observation.frame_idx].pose,
+        problem.AddResidualBlock(new ImageCost(*model.camera, T_C_I, observation), nullptr,
+                                 frames[observation.frame_idx].pose,
                                  points[observation.point_idx].data());
     for (int i = 0; i + 1 < model.frames(); ++i) {
         problem.AddResidualBlock(new InertialCost(intervals[i]), nullptr, frames[i].pose,
