@@ -35,7 +35,7 @@ struct IekfOptions {
     double image_rotation_variance = 0.3;  ///< image-only [rad^2/s]
     double image_position_variance = 0.3;  ///< image-only [m^2/s]
 
-    int min_features = 6;             ///< fewer used ones do not hold the motion
+    int min_features = 3;             ///< fewer used ones do not hold the motion
     double lost_after_seconds = 0.5;  ///< [s]
     double message_window = 0.1;      ///< [s]
 
