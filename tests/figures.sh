@@ -116,8 +116,17 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
 fi
 
+# The filter over seeds of simulated experiments.
+readonly RUNS=build/release/tests/vio_filter_runs
+printf '\nperspective arm, filter and batch after yaw and position alignment\n'
+taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
+
 # The paper's tables and figures: many minutes, so only if asked for.
 if [[ ${VIO_PAPER:-} ]]; then
     echo
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
+    taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
+    taskset -c 0 "$RUNS" table5 datasets/perspective_arm.ini 4
+    taskset -c 0 "$RUNS" table6 datasets/perspective_arm.ini 4
+    taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100
 fi

@@ -9,6 +9,7 @@ namespace vio {
 
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
@@ -28,7 +29,7 @@ FilterState::FilterState(CoreKind kind, const CoreState& mean, const CoreMatrix&
 void FilterState::start_landmarks(const std::vector<LandmarkState>& landmarks,
                                   const MatrixXd& joint_covariance) {
     landmarks_ = landmarks;
-    const int size = core_size_ + 3 * static_cast<int>(landmarks.size());
+    const int size = window_size() + 3 * static_cast<int>(landmarks.size());
     reserve(size);
     size_ = size;
     P() = joint_covariance;
@@ -151,28 +152,48 @@ void FilterState::inflate(const CoreVector& variances) {
 
 // ---- Updates of the whole state -----------------------------------------------------------------
 
-// P H^T and S = H P H^T + I for landmarks seen from the core pose: nine columns per pair of rows.
-void FilterState::gain(const std::vector<PointRows>& rows) {
+Vector2d FilterState::applied(const PointRows& row, const VectorXd& d) const {
+    return row.J_pose * d.head<6>() +
+           row.J_anchor * d.segment<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +
+           row.J_landmark * d.segment<3>(landmark_offset(row.landmark_idx));
+}
+
+// P H^T and S = H P H^T + I for landmarks seen from the core pose. H = J + (J change) reading^T
+// with fifteen columns of J per pair of rows; the second part, if any, carries the scale.
+void FilterState::gain(const std::vector<PointRows>& rows, const VectorXd& scale_change,
+                       const VectorXd& scale_reading) {
     const int m = 2 * static_cast<int>(rows.size());
     PHt_.resize(size_, m);
     S_.resize(m, m);
-    Eigen::Matrix<double, 9, 2> Jt;
+    const auto anchor_offset = [&](const PointRows& row) {
+        return clone_offset(landmarks_[row.landmark_idx].anchor);
+    };
     for (int i = 0; i < m / 2; ++i) {
         const PointRows& row = rows[i];
         auto columns = PHt_.middleCols<2>(2 * i);
-        Jt << row.J_rotation.transpose(), row.J_position.transpose(), row.J_landmark.transpose();
-        columns.noalias() = P_.topLeftCorner(size_, 6).lazyProduct(Jt.topRows<6>());
+        columns.noalias() = P_.topLeftCorner(size_, 6).lazyProduct(row.J_pose.transpose());
+        columns.noalias() +=
+            P_.block(0, anchor_offset(row), size_, 6).lazyProduct(row.J_anchor.transpose());
         columns.noalias() += P_.block(0, landmark_offset(row.landmark_idx), size_, 3)
-                                 .lazyProduct(Jt.bottomRows<3>());
+                                 .lazyProduct(row.J_landmark.transpose());
+    }
+    VectorXd J_change(m);
+    if (scale_change.size() > 0) {
+        const VectorXd P_reading = P() * scale_reading;
+        for (int i = 0; i < m / 2; ++i) J_change.segment<2>(2 * i) = applied(rows[i], scale_change);
+        PHt_.noalias() += P_reading * J_change.transpose();
     }
     for (int i = 0; i < m / 2; ++i) {
         const PointRows& row = rows[i];
-        const int offset = landmark_offset(row.landmark_idx);
-        auto S_row = S_.block(2 * i, 0, 2, 2 * i + 2);
-        S_row.noalias() = row.J_rotation.lazyProduct(PHt_.block(kRotation, 0, 3, 2 * i + 2));
-        S_row.noalias() += row.J_position.lazyProduct(PHt_.block(kPosition, 0, 3, 2 * i + 2));
-        S_row.noalias() += row.J_landmark.lazyProduct(PHt_.block(offset, 0, 3, 2 * i + 2));
+        const int columns = 2 * i + 2;
+        auto S_row = S_.block(2 * i, 0, 2, columns);
+        S_row.noalias() = row.J_pose.lazyProduct(PHt_.block(0, 0, 6, columns));
+        S_row.noalias() += row.J_anchor.lazyProduct(PHt_.block(anchor_offset(row), 0, 6, columns));
+        S_row.noalias() += row.J_landmark.lazyProduct(
+            PHt_.block(landmark_offset(row.landmark_idx), 0, 3, columns));
     }
+    if (scale_change.size() > 0)
+        S_.noalias() += J_change * (scale_reading.transpose() * PHt_).eval();
     S_.diagonal().array() += 1;
     llt_.compute(S_);
 }
@@ -198,40 +219,52 @@ void FilterState::reduce_covariance() {
     P_now.triangularView<Eigen::StrictlyUpper>() = P_now.transpose();
 }
 
+// Errors of a pose at the prior moved by delta, from those at the prior; see the header's head.
+Matrix6d FilterState::pose_carrier(const Vector6d& delta, const Matrix3d& R_before) const {
+    Matrix6d T = Matrix6d::Identity();
+    if (!invariant_) return T;
+    T.topLeftCorner<3, 3>() = so3::exp(-delta.head<3>());
+    T.bottomLeftCorner<3, 3>() = -so3::skew(delta.tail<3>()) * R_before;
+    return T;
+}
+
 int FilterState::update(const Linearise& linearise, int max_iterations) {
     constexpr double kConverged = 0.05;  // standard deviations of a measurement
     std::vector<PointRows> rows;
     VectorXd delta = VectorXd::Zero(size_), residual, next;
-    const Matrix3d R = core_.T_W_I.R;
+    const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
+    const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
+    VectorXd scale_change;
     int iteration = 0;
     while (true) {
         linearise(delta, &rows);
         if (rows.empty()) return 0;
         residual.resize(2 * static_cast<Eigen::Index>(rows.size()));
-        // Errors at this iterate are those at the prior, carried over.
-        const Matrix3d dR = so3::exp(delta.head<3>()).transpose();
-        const Vector3d dp = delta.segment<3>(kPosition);
+        // Jacobians with respect to the errors at the prior, which are carried to this iterate.
+        const Matrix6d core = pose_carrier(delta.head<6>(), core_.T_W_I.R);
+        std::vector<Matrix6d> clone;
+        for (int i = 0; i < static_cast<int>(clones_.size()); ++i)
+            clone.push_back(pose_carrier(delta.segment<6>(clone_offset(i)), clones_[i].T_W_I.R));
         for (std::size_t i = 0; i < rows.size(); ++i) {
             PointRows& row = rows[i];
-            const Vector3d dl = delta.segment<3>(landmark_offset(row.landmark_idx));
-            if (invariant_ && iteration > 0)
-                row.J_rotation = row.J_rotation * dR - row.J_position * so3::skew(dp) * R -
-                                 row.J_landmark * so3::skew(dl) * R;
-            residual.segment<2>(2 * static_cast<Eigen::Index>(i)) =
-                row.residual + row.J_rotation * delta.head<3>() + row.J_position * dp +
-                row.J_landmark * dl;
+            row.J_pose = (row.J_pose * core).eval();
+            row.J_anchor = (row.J_anchor * clone[landmarks_[row.landmark_idx].anchor]).eval();
         }
-        gain(rows);
+        if (iteration > 0 && reading.size() > 0)
+            scale_change = scale_direction(delta) - scale_before;
+        const double scale = scale_change.size() > 0 ? reading.dot(delta) : 0;
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            auto r = residual.segment<2>(2 * static_cast<Eigen::Index>(i));
+            r = rows[i].residual + applied(rows[i], delta);
+            if (scale_change.size() > 0) r += scale * applied(rows[i], scale_change);
+        }
+        gain(rows, scale_change, reading);
         next.noalias() = PHt_ * llt_.solve(residual);
         ++iteration;
         double change = 0;
-        for (const PointRows& row : rows) {
-            const int l = landmark_offset(row.landmark_idx);
-            const Eigen::Vector2d d = row.J_rotation * (next - delta).head<3>() +
-                                      row.J_position * (next - delta).segment<3>(kPosition) +
-                                      row.J_landmark * (next - delta).segment<3>(l);
-            change = std::max(change, d.lpNorm<Eigen::Infinity>());
-        }
+        const VectorXd step = next - delta;
+        for (const PointRows& row : rows)
+            change = std::max(change, applied(row, step).lpNorm<Eigen::Infinity>());
         delta.swap(next);
         if (iteration >= max_iterations || change < kConverged) break;
     }
@@ -247,68 +280,81 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     correct(delta);
 }
 
-// Moves the mean, and the covariance with it.
+// Moves the mean, and the covariance with it: P <- T P T^T with T of the header's head, which
+// touches the rows and columns of the core and of each clone.
 void FilterState::correct(const VectorXd& delta) {
-    const Matrix3d R_before = core_.T_W_I.R;
-    std::vector<Matrix3d> clone_R_before;
-    clone_R_before.reserve(clones_.size());
+    if (invariant_) {
+        const VectorXd reading = scale_reading();
+        if (reading.size() > 0)
+            carry_scale(scale_direction(delta) - scale_direction(VectorXd::Zero(size_)), reading);
+    }
+    const CoreState before = core_;
     core_ = moved(core_, delta.head(core_size_));
+    if (invariant_) carry(0, core_carrier(delta.head(core_size_), before, core_));
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i) {
-        clone_R_before.push_back(clones_[i].T_W_I.R);
-        clones_[i].T_W_I = clones_[i].T_W_I.boxplus(delta.segment<6>(clone_offset(i)));
+        const Vector6d own = delta.segment<6>(clone_offset(i));
+        if (invariant_) carry(clone_offset(i), pose_carrier(own, clones_[i].T_W_I.R));
+        clones_[i].T_W_I = clones_[i].T_W_I.boxplus(own);
     }
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
-        landmarks_[i].p_W += delta.segment<3>(landmark_offset(i));
-    if (invariant_) carry_covariance(delta, R_before, clone_R_before);
+        landmarks_[i].point.x += delta.segment<3>(landmark_offset(i));
 }
 
-// P <- T P T^T with T of the header's head: a product of rank 3 for all that goes with the core's
-// rotation, and 6 x 6 blocks for the clones.
-void FilterState::carry_covariance(const VectorXd& delta, const Matrix3d& R_before,
-                                   const std::vector<Matrix3d>& clone_R_before) {
-    auto P_now = P();
+// Direction of scale at the mean moved by delta; see the header's head.
+VectorXd FilterState::scale_direction(const VectorXd& delta) const {
+    VectorXd n = VectorXd::Zero(size_);
+    const Vector3d origin = core_.T_W_I.p + delta.segment<3>(kPosition);
+    if (core_size_ > kVelocity) n.segment<3>(kVelocity) = core_.v_W + delta.segment<3>(kVelocity);
+    if (core_size_ > kAcceleration)
+        n.segment<3>(kAcceleration) = core_.a_W + delta.segment<3>(kAcceleration);
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i) {
-        const int at = clone_offset(i);
-        Matrix6d T = Matrix6d::Identity();
-        T.topLeftCorner<3, 3>() = clones_[i].T_W_I.R.transpose() * clone_R_before[i];
-        T.bottomLeftCorner<3, 3>() = -so3::skew(delta.segment<3>(at + 3)) * clone_R_before[i];
-        const Eigen::Matrix<double, Eigen::Dynamic, 6> columns =
-            P_now.middleCols<6>(at) * T.transpose();
-        P_now.middleCols<6>(at) = columns;
-        const Matrix6d own = T * columns.middleRows<6>(at);
-        P_now.middleRows<6>(at) = columns.transpose();
-        P_now.block<6, 6>(at, at) = 0.5 * (own + own.transpose());
+        const int at = clone_offset(i) + kPosition;
+        n.segment<3>(at) = clones_[i].T_W_I.p + delta.segment<3>(at) - origin;
     }
-
-    // T = I + U E^T, E picking the core's rotation: P + A U^T + U A^T with A = P E + U P_rr / 2.
-    Eigen::Matrix<double, Eigen::Dynamic, 6> left(size_, 6), right(size_, 6);
-    auto U = left.leftCols<3>();
-    U.setZero();
-    U.topRows(core_size_) = [&] {
-        CoreState before;
-        before.T_W_I.R = R_before;
-        CoreMatrix T = core_carrier(delta.head(core_size_), before, core_);
-        T.diagonal().array() -= 1;
-        return T.leftCols<3>().eval();
-    }();
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
-        const int at = landmark_offset(i);
-        U.middleRows<3>(at) = -so3::skew(delta.segment<3>(at)) * R_before;
+        const int at = landmark_offset(i) + 2;
+        n(at) = -(landmarks_[i].point.x.z() + delta(at));
     }
-    auto A = left.rightCols<3>();
-    A = P_now.leftCols<3>();
-    const Matrix3d P_rr = P_now.topLeftCorner<3, 3>();
-    A += 0.5 * U * P_rr;
-    right << A, U;
-    for (int j = 0; j < size_; ++j) {  // lower triangle, then mirrored
-        const Eigen::Matrix<double, 6, 1> weights = right.row(j);
-        P_now.col(j).tail(size_ - j).noalias() += left.bottomRows(size_ - j) * weights;
+    return n;
+}
+
+// What reads the scale's error from the errors of the state: the mean of the landmarks' relative
+// inverse distances, weighted by their precision. Empty without landmarks.
+VectorXd FilterState::scale_reading() const {
+    VectorXd s = VectorXd::Zero(size_);
+    double sum = 0;
+    for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
+        const int at = landmark_offset(i) + 2;
+        const double rho = landmarks_[i].point.x.z();
+        if (!landmarks_[i].point.in_front()) continue;
+        const double weight = rho * rho / P_(at, at);
+        s(at) = -weight / rho;
+        sum += weight;
     }
+    if (!(sum > 0)) return {};
+    return s / sum;
+}
+
+void FilterState::carry_scale(const VectorXd& change, const VectorXd& reading) {
+    const VectorXd P_reading = P() * reading;
+    const VectorXd half = P_reading + 0.5 * reading.dot(P_reading) * change;
+    auto P_now = P();
+    P_now.selfadjointView<Eigen::Lower>().rankUpdate(half, change, 1.0);
     P_now.triangularView<Eigen::StrictlyUpper>() = P_now.transpose();
 }
 
-// ---- Which parts there are
-// ------------------------------------------------------------------------
+// The errors from `at` on become T times what they were.
+void FilterState::carry(int at, const CoreMatrix& T) {
+    const Eigen::Index n = T.rows();
+    const CoreMatrix own = P_.block(at, at, n, n);
+    const MatrixXd rows = T * P_.block(at, 0, n, size_);
+    P_.block(at, 0, n, size_) = rows;
+    P_.block(0, at, size_, n) = rows.transpose();
+    const CoreMatrix moved_own = T * own * T.transpose();
+    P_.block(at, at, n, n) = 0.5 * (moved_own + moved_own.transpose());
+}
+
+// ---- Which parts there are ----------------------------------------------------------------------
 
 void FilterState::augment(const std::vector<LandmarkState>& landmarks, const MatrixXd& G,
                           const MatrixXd& noise) {
@@ -344,6 +390,24 @@ void FilterState::clone(int image_idx) {
 
 void FilterState::release_clone(int slot) {
     clones_[slot].image_idx = -1;
+}
+
+void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
+    LandmarkState& landmark = landmarks_[idx];
+    const int own = landmark_offset(idx), from = clone_offset(landmark.anchor),
+              to = clone_offset(slot);
+    const auto product = [&](const auto& columns_of) -> MatrixXd {
+        return moved.J_point * columns_of(own, 3) + moved.J_from * columns_of(from, 6) +
+               moved.J_to * columns_of(to, 6);
+    };
+    const MatrixXd rows = product([&](int at, int n) { return P_.block(at, 0, n, size_); });
+    const Matrix3d variance =
+        product([&](int at, int n) -> MatrixXd { return rows.middleCols(at, n).transpose(); });
+    P_.block(own, 0, 3, size_) = rows;
+    P_.block(0, own, size_, 3) = rows.transpose();
+    P_.block<3, 3>(own, own) = 0.5 * (variance + variance.transpose());
+    landmark.point = moved.point;
+    landmark.anchor = slot;
 }
 
 void FilterState::marginalise(const std::vector<bool>& remove) {

@@ -8,11 +8,18 @@
 // linearises at changing estimates gains spurious information about them. Here a correction acts as
 // in the right-invariant filter (Barrau and Bonnabel 2017): the errors that stay the same while the
 // mean moves are phi = R theta and, for every vector x of the world frame (position, velocity,
-// landmark, gravity), dx - phi x x. In plain coordinates the covariance is therefore carried from
-// the mean before a correction to the mean after it ("-" and "+") by
+// gravity), dx - phi x x. In plain coordinates the covariance is therefore carried from the mean
+// before a correction to the mean after it ("-" and "+") by
 //   theta+ = R+^T R- theta-,   dx+ = dx- + skew(x- - x+) R- theta-
 // where a clone's position goes with the clone's own rotation and everything else with the core's.
-// This maps the unobservable directions at one mean exactly to those at the other.
+// Landmarks are anchored to clones (anchored_point.h): the unobservable directions do not touch
+// their errors. This maps the unobservable directions at one mean exactly to those at the other.
+//
+// Scale is observed by accelerations alone, hence hardly while the motion is steady; images say
+// nothing about it. So that their noise does not either, its direction n(x) (all positions relative
+// to the core's, velocity, minus every inverse distance) is carried alike: the errors that a
+// correction leaves are (I + (n(x+) - n(x-)) s^T) times those before, where s reads the common
+// share of the landmarks' inverse distances, s^T n(x-) = 1.
 #pragma once
 
 #include <Eigen/Dense>
@@ -22,6 +29,7 @@
 #include "libvio/base/estimate.h"
 #include "libvio/base/types.h"
 #include "libvio/geometry/pose.h"
+#include "libvio/recursive/anchored_point.h"
 
 namespace vio {
 
@@ -61,18 +69,21 @@ struct ClonedPose {
 
 struct LandmarkState {
     FeatureId id = -1;
-    Eigen::Vector3d p_W = Eigen::Vector3d::Zero();
+    int anchor = -1;  ///< slot of the clone that the point is seen from
+    AnchoredPoint point;
     int observations = 0;
     int images_unseen = 0;  ///< consecutive, up to now
     int rejections = 0;     ///< consecutive, up to now
 };
 
-/// Linearised measurement of one landmark from the core pose, scaled to unit noise:
-/// residual = J_rotation theta + J_position dp + J_landmark dl + noise.
+/// Linearised measurement of one landmark from the core pose, scaled to unit noise: residual is the
+/// sum of the Jacobians, each times its error (core's rotation and position, those of the
+/// landmark's anchor, the landmark's own), and noise.
 struct PointRows {
     int landmark_idx = -1;
     Eigen::Vector2d residual;
-    Matrix23d J_rotation, J_position, J_landmark;
+    Eigen::Matrix<double, 2, 6> J_pose, J_anchor;
+    Matrix23d J_landmark;
 };
 
 class FilterState {
@@ -128,13 +139,16 @@ class FilterState {
     Eigen::MatrixXd projected_covariance(const Eigen::MatrixXd& H) const;
 
     /// Adds k landmarks whose errors are G dx + noise: Eqs. (24), (25). G: 3k x window_size().
+    /// Their anchors are clones.
     void augment(const std::vector<LandmarkState>& landmarks, const Eigen::MatrixXd& G,
                  const Eigen::MatrixXd& noise);
 
     /// Adds the current pose to the window.
     void clone(int image_idx);
-    /// Forgets the clone in a slot.
+    /// Forgets the clone in a slot; no landmark may be anchored there.
     void release_clone(int slot);
+    /// Anchors a landmark to the clone in another slot.
+    void reanchor(int idx, int slot, const MovedPoint& moved);
     /// Forgets landmarks (marginalises them); remove[i] tells for landmark i.
     void marginalise(const std::vector<bool>& remove);
 
@@ -148,19 +162,24 @@ class FilterState {
     /// Mean moved by an error vector (first entries of delta; the rest stays).
     static CoreState moved(const CoreState& core, const Eigen::Ref<const Eigen::VectorXd>& delta);
 
-    /// Start with a given joint covariance of core and landmarks.
+    /// Start with a given joint covariance of core, clones and landmarks.
     void start_landmarks(const std::vector<LandmarkState>& landmarks,
                          const Eigen::MatrixXd& joint_covariance);
 
  private:
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
-    void gain(const std::vector<PointRows>& rows);
+    void gain(const std::vector<PointRows>& rows, const Eigen::VectorXd& scale_change,
+              const Eigen::VectorXd& scale_reading);
     void gain(const Eigen::MatrixXd& H);
+    Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
     void reduce_covariance();
     void correct(const Eigen::VectorXd& delta);
-    void carry_covariance(const Eigen::VectorXd& delta, const Eigen::Matrix3d& R_before,
-                          const std::vector<Eigen::Matrix3d>& clone_R_before);
+    void carry(int at, const CoreMatrix& T);
+    Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;
+    Eigen::VectorXd scale_reading() const;
+    void carry_scale(const Eigen::VectorXd& change, const Eigen::VectorXd& reading);
+    Matrix6d pose_carrier(const Vector6d& delta, const Eigen::Matrix3d& R_before) const;
     CoreMatrix core_carrier(const Eigen::Ref<const Eigen::VectorXd>& delta, const CoreState& before,
                             const CoreState& after) const;
 

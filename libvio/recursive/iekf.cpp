@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <set>
 
 #include "libvio/recursive/body_frame.h"
+#include "libvio/recursive/filter_start.h"
 #include "libvio/recursive/landmark_update.h"
 #include "libvio/recursive/message_queue.h"
 #include "libvio/recursive/motion.h"
@@ -15,7 +15,6 @@
 
 namespace vio {
 
-using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
 namespace {
@@ -71,7 +70,6 @@ struct Iekf::Impl {
           options(o),
           use_imu(imu),
           T_I_C(rig.T_I_C()),
-          T_C_I(T_I_C.inverse()),
           queue(from_seconds(o.message_window), imu),
           prefix(rig, o, batch, imu),
           motion(make_motion(rig, o, imu)),
@@ -91,7 +89,6 @@ struct Iekf::Impl {
         drop_lost_points();
         use_window_points();
         judge(image.frame.t);
-        remember_pose();
         report(image.frame.t);
     }
 
@@ -102,22 +99,23 @@ struct Iekf::Impl {
     void try_prefix(const TimedFrame& image);
     void start_from_prefix(const ImuReading* next);
     void begin(const BatchTail& tail, const ImuReading& at);
-    void begin_landmarks(const BatchTail& tail, const MatrixXd& joint);
     void move_to(TimeNs t_imu);
     void sort_features(const FeatureFrame& frame);
     void update_known_points();
     void drop_lost_points();
     void use_window_points();
+    void release(int slot);
     void judge(TimeNs t);
-    void remember_pose();
     void report(TimeNs t);
+    void note_landmark(int idx);
+    void give_up(const std::vector<bool>& remove);
     void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
     TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
 
     Rig rig;
     IekfOptions options;
     bool use_imu;
-    Pose T_I_C, T_C_I;
+    Pose T_I_C;
     MessageQueue queue;
     Prefix prefix;
     std::unique_ptr<MotionModel> motion;
@@ -207,66 +205,14 @@ void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
     now = at;
     started_at = at.t;
     last_good = tail.state.t;
-    const Vector3d omega_I =
-        use_imu ? Vector3d(at.gyro - tail.state.gyro_bias) : Vector3d(Vector3d::Zero());
-    CoreState core = imu_state(tail.state, rig.T_B_I, omega_I);
-    core.g_W = tail.g_W;
     result.g_W = tail.g_W;
     result.has_scale = use_imu;
-
-    // Covariance of the body's errors to that of the IMU's.
-    Matrix15d J;
-    body_state(core, rig.T_B_I.inverse(), omega_I, &J);
-    const Eigen::Index points = tail.covariance.rows() - 15;
-    MatrixXd joint = tail.covariance;
-    const Matrix15d J_inverse = J.inverse();
-    joint.topRows<15>() = (J_inverse * joint.topRows<15>()).eval();
-    joint.leftCols<15>() = (joint.leftCols<15>() * J_inverse.transpose()).eval();
-
-    CoreMatrix lift;
-    state.emplace(motion->start(core, joint.topLeftCorner<15, 15>(), at,
-                                options.consistency == "invariant", &lift));
-    const CoreMatrix P_core = state->core_covariance();
-    MatrixXd lifted(P_core.rows() + points, P_core.rows() + points);
-    lifted.topLeftCorner(P_core.rows(), P_core.rows()) = P_core;
-    lifted.topRightCorner(P_core.rows(), points) = lift * joint.topRightCorner(15, points);
-    lifted.bottomLeftCorner(points, P_core.rows()) =
-        lifted.topRightCorner(P_core.rows(), points).transpose();
-    lifted.bottomRightCorner(points, points) = joint.bottomRightCorner(points, points);
-    begin_landmarks(tail, lifted);
-    remember_pose();
-}
-
-// Of the prefix's points the most precise ones become landmarks, as many as there is room for.
-void Iekf::Impl::begin_landmarks(const BatchTail& tail, const MatrixXd& joint) {
-    const Vector3d camera = state->core().T_W_I * T_I_C.p;
-    const int core_size = state->core_size();
-    std::vector<LandmarkState> landmarks;
-    std::vector<double> sigma;
-    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
-        const LandmarkEstimate& from = tail.landmarks[i];
-        LandmarkState landmark;
-        landmark.id = from.id;
-        landmark.p_W = from.p_W;
-        landmark.observations = from.observations;
-        landmarks.push_back(landmark);
-        // Relative to the camera: the errors they share do not matter.
-        const Eigen::Index at = core_size + 3 * static_cast<Eigen::Index>(i);
-        Eigen::Matrix3d P = joint.block<3, 3>(at, at) + joint.block<3, 3>(kPosition, kPosition);
-        P -= joint.block<3, 3>(at, kPosition) + joint.block<3, 3>(kPosition, at);
-        sigma.push_back(std::sqrt(std::max(0.0, P.trace())) / (from.p_W - camera).norm());
-    }
-    std::vector<std::size_t> order(landmarks.size());
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return sigma[a] < sigma[b]; });
-    std::vector<bool> remove(landmarks.size(), true);
-    for (std::size_t rank = 0; rank < order.size(); ++rank)
-        if (static_cast<int>(rank) < options.max_landmarks &&
-            sigma[order[rank]] < 2 * options.new_point_sigma)
-            remove[order[rank]] = false;
-    state->start_landmarks(landmarks, joint);
-    state->marginalise(remove);
+    const Vector3d omega_I =
+        use_imu ? Vector3d(at.gyro - tail.state.gyro_bias) : Vector3d(Vector3d::Zero());
+    state.emplace(started(
+        tail, rig, *motion, at, omega_I,
+        {options.consistency == "invariant", options.max_landmarks, options.new_point_sigma}));
+    image_idx = 0;
 }
 
 // ---- Steps ------------------------------------------------------------------------------------
@@ -282,7 +228,7 @@ void Iekf::Impl::move_to(TimeNs t_imu) {
     motion->advance(*state, now, at);
     now = at;
     state->settle();
-    ++image_idx;
+    state->clone(++image_idx);
 }
 
 void Iekf::Impl::sort_features(const FeatureFrame& frame) {
@@ -307,7 +253,7 @@ void Iekf::Impl::sort_features(const FeatureFrame& frame) {
 
 void Iekf::Impl::update_known_points() {
     const auto gated = [&] {
-        return gated_sights(*state, known, *rig.camera, T_C_I, landmark_gate);
+        return gated_sights(*state, known, *rig.camera, T_I_C, landmark_gate);
     };
     std::vector<LandmarkSight> passed = gated();
     const auto too_few = [&] {
@@ -334,7 +280,7 @@ void Iekf::Impl::update_known_points() {
         landmark.observations += good;
     }
     if (!passed.empty())
-        update_landmarks(*state, passed, *rig.camera, T_C_I, options.max_iterations);
+        update_landmarks(*state, passed, *rig.camera, T_I_C, options.max_iterations);
     used = static_cast<int>(passed.size());
 }
 
@@ -342,8 +288,8 @@ void Iekf::Impl::drop_lost_points() {
     std::vector<bool> remove;
     for (const LandmarkState& landmark : state->landmarks())
         remove.push_back(landmark.images_unseen > options.lost_after ||
-                         landmark.rejections >= kMaxRejections);
-    state->marginalise(remove);
+                         landmark.rejections >= kMaxRejections || !landmark.point.in_front());
+    give_up(remove);
 }
 
 void Iekf::Impl::use_window_points() {
@@ -353,13 +299,26 @@ void Iekf::Impl::use_window_points() {
         ++alive;
         if (oldest < 0 || clone.image_idx < oldest) oldest = clone.image_idx;
     }
-    const bool full = alive >= options.clones;
+    const bool full = alive > options.clones;
     const Window::Outcome outcome = window.use(*state, image_idx, full ? oldest : -1);
     used += outcome.used;
     if (full) {
         window.forget_image(oldest);
-        state->release_clone(state->find_clone(oldest));
+        release(state->find_clone(oldest));
     }
+}
+
+// The landmarks that are anchored there move to the newest clone.
+void Iekf::Impl::release(int slot) {
+    const int newest = state->find_clone(image_idx);
+    for (int i = 0; i < static_cast<int>(state->landmarks().size()); ++i) {
+        const LandmarkState& landmark = state->landmarks()[i];
+        if (landmark.anchor != slot) continue;
+        state->reanchor(i, newest,
+                        moved_anchor(landmark.point, state->clones()[slot].T_W_I,
+                                     state->clones()[newest].T_W_I, T_I_C));
+    }
+    state->release_clone(slot);
 }
 
 void Iekf::Impl::judge(TimeNs t) {
@@ -367,7 +326,7 @@ void Iekf::Impl::judge(TimeNs t) {
     if (bad_images == 1) log(t, "most points contradict the state; coasting");
     if (bad_images == kMaxBadImages) {
         log(t, "points given up");
-        state->marginalise(std::vector<bool>(state->landmarks().size(), true));
+        give_up(std::vector<bool>(state->landmarks().size(), true));
         window.clear();
     }
     if (used >= options.min_features) last_good = t;
@@ -378,10 +337,6 @@ void Iekf::Impl::judge(TimeNs t) {
                          " points used for " + std::to_string(options.lost_after_seconds) + " s"
                    : "tracking found again");
     lost = now_lost;
-}
-
-void Iekf::Impl::remember_pose() {
-    state->clone(image_idx);
 }
 
 void Iekf::Impl::report(TimeNs t) {
@@ -399,14 +354,29 @@ void Iekf::Impl::report(TimeNs t) {
     out.lost = lost;
     out.features = used;
     result.states.push_back(out);
+}
 
-    for (int i = 0; i < static_cast<int>(state->landmarks().size()); ++i) {
-        const LandmarkState& landmark = state->landmarks()[i];
-        const int at = state->landmark_offset(i);
-        landmark_estimates[landmark.id] = {landmark.id, landmark.p_W,
-                                           state->covariance().block<3, 3>(at, at),
-                                           landmark.observations};
-    }
+// Notes a landmark's estimate for the result.
+void Iekf::Impl::note_landmark(int i) {
+    const LandmarkState& landmark = state->landmarks()[i];
+    if (!landmark.point.in_front()) return;
+    const PlacedPoint place = placed(landmark.point, state->clones()[landmark.anchor].T_W_I, T_I_C);
+    Eigen::Matrix<double, 3, 9> G;
+    G << place.J_rotation, Eigen::Matrix3d::Identity(), place.J_point;
+    const int anchor = state->clone_offset(landmark.anchor), at = state->landmark_offset(i);
+    const auto P_all = state->covariance();
+    Eigen::Matrix<double, 9, 9> P;
+    P << P_all.block<6, 6>(anchor, anchor), P_all.block<6, 3>(anchor, at),
+        P_all.block<3, 6>(at, anchor), P_all.block<3, 3>(at, at);
+    landmark_estimates[landmark.id] = {landmark.id, place.p_W, G * P * G.transpose(),
+                                       landmark.observations};
+}
+
+// Takes landmarks out of the state.
+void Iekf::Impl::give_up(const std::vector<bool>& remove) {
+    for (std::size_t i = 0; i < remove.size(); ++i)
+        if (remove[i]) note_landmark(static_cast<int>(i));
+    state->marginalise(remove);
 }
 
 // ---- Public face ------------------------------------------------------------------------------
@@ -444,6 +414,8 @@ void Iekf::finish() {
 
 const Estimate& Iekf::estimate() const {
     Estimate& result = impl_->result;
+    const int in_state = impl_->state ? static_cast<int>(impl_->state->landmarks().size()) : 0;
+    for (int i = 0; i < in_state; ++i) impl_->note_landmark(i);
     result.landmarks.clear();
     for (const auto& [id, landmark] : impl_->landmark_estimates)
         result.landmarks.push_back(landmark);

@@ -26,8 +26,8 @@ struct IekfOptions {
 
     int clones = 11;
     int max_landmarks = 50;
-    int lost_after = 3;             ///< images
-    double new_point_sigma = 0.03;  ///< relative to the distance
+    int lost_after = 3;            ///< images
+    double new_point_sigma = 0.3;  ///< relative to the distance
     int max_window_points = 40;
 
     double angular_rate_variance = 1e2;    ///< smooth [(rad/s)^2/s]

@@ -2,43 +2,71 @@
 
 namespace vio {
 
+namespace {
+
+// Nothing where the camera cannot image the landmark, or it has come to lie at infinity.
+std::optional<PointRows> rows_of(const LandmarkSight& s, const AnchoredPoint& point,
+                                 const Pose& T_W_I, const Pose& T_W_I_anchor, const Camera& camera,
+                                 const Pose& T_I_C, const Pose& T_C_I) {
+    if (!point.in_front()) return std::nullopt;
+    const PlacedPoint place = placed(point, T_W_I_anchor, T_I_C);
+    const auto seen = sight_residual(camera, T_C_I, T_W_I, place.p_W, s.sight);
+    if (!seen) return std::nullopt;
+    PointRows rows;
+    rows.landmark_idx = s.landmark_idx;
+    rows.residual = seen->residual;
+    rows.J_pose << seen->J_rotation, seen->J_position;
+    rows.J_anchor << seen->J_point * place.J_rotation, seen->J_point;
+    rows.J_landmark = seen->J_point * place.J_point;
+    return rows;
+}
+
+}  // namespace
+
 std::vector<LandmarkSight> gated_sights(const FilterState& state,
                                         const std::vector<LandmarkSight>& sights,
-                                        const Camera& camera, const Pose& T_C_I, double gate) {
+                                        const Camera& camera, const Pose& T_I_C, double gate) {
+    const Pose T_C_I = T_I_C.inverse();
     std::vector<LandmarkSight> passed;
     const auto P = state.covariance();
     for (const LandmarkSight& s : sights) {
-        const auto seen = sight_residual(camera, T_C_I, state.core().T_W_I,
-                                         state.landmarks()[s.landmark_idx].p_W, s.sight);
-        if (!seen) continue;
-        const int at = state.landmark_offset(s.landmark_idx);
-        Eigen::Matrix<double, 2, 9> J;
-        J << seen->J_rotation, seen->J_position, seen->J_point;
-        Eigen::Matrix<double, 9, 9> P_own;
-        P_own.topLeftCorner<6, 6>() = P.topLeftCorner<6, 6>();
-        P_own.bottomLeftCorner<3, 6>() = P.block<3, 6>(at, 0);
-        P_own.topRightCorner<6, 3>() = P.block<6, 3>(0, at);
-        P_own.bottomRightCorner<3, 3>() = P.block<3, 3>(at, at);
+        const LandmarkState& landmark = state.landmarks()[s.landmark_idx];
+        const auto rows = rows_of(s, landmark.point, state.core().T_W_I,
+                                  state.clones()[landmark.anchor].T_W_I, camera, T_I_C, T_C_I);
+        if (!rows) continue;
+        Eigen::Matrix<double, 2, 15> J;
+        J << rows->J_pose, rows->J_anchor, rows->J_landmark;
+        const int offset[] = {0, state.clone_offset(landmark.anchor),
+                              state.landmark_offset(s.landmark_idx)};
+        const int own[] = {0, 6, 12}, size[] = {6, 6, 3};
+        Eigen::Matrix<double, 15, 15> P_own;
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b)
+                P_own.block(own[a], own[b], size[a], size[b]) =
+                    P.block(offset[a], offset[b], size[a], size[b]);
         const Eigen::Matrix2d S = J * P_own * J.transpose() + Eigen::Matrix2d::Identity();
-        const double distance2 = seen->residual.dot(S.inverse() * seen->residual);
+        const double distance2 = rows->residual.dot(S.inverse() * rows->residual);
         if (distance2 < gate) passed.push_back(s);
     }
     return passed;
 }
 
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
-                      const Camera& camera, const Pose& T_C_I, int max_iterations) {
-    const CoreState prior = state.core();
+                      const Camera& camera, const Pose& T_I_C, int max_iterations) {
+    const Pose T_C_I = T_I_C.inverse();
     state.update(
         [&](const Eigen::VectorXd& delta, std::vector<PointRows>* rows) {
             rows->clear();
-            const Pose T_W_I = prior.T_W_I.boxplus(delta.head<6>());
+            const Pose T_W_I = state.core().T_W_I.boxplus(delta.head<6>());
             for (const LandmarkSight& s : sights) {
-                const Eigen::Vector3d p_W = state.landmarks()[s.landmark_idx].p_W +
-                                            delta.segment<3>(state.landmark_offset(s.landmark_idx));
-                if (const auto seen = sight_residual(camera, T_C_I, T_W_I, p_W, s.sight))
-                    rows->push_back({s.landmark_idx, seen->residual, seen->J_rotation,
-                                     seen->J_position, seen->J_point});
+                const LandmarkState& landmark = state.landmarks()[s.landmark_idx];
+                const int slot = landmark.anchor;
+                AnchoredPoint point = landmark.point;
+                point.x += delta.segment<3>(state.landmark_offset(s.landmark_idx));
+                const Pose anchor =
+                    state.clones()[slot].T_W_I.boxplus(delta.segment<6>(state.clone_offset(slot)));
+                if (const auto r = rows_of(s, point, T_W_I, anchor, camera, T_I_C, T_C_I))
+                    rows->push_back(*r);
             }
         },
         max_iterations);

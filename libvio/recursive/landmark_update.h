@@ -16,10 +16,10 @@ struct LandmarkSight {
 /// Sights whose innovation's squared Mahalanobis distance is below the gate at the present mean.
 std::vector<LandmarkSight> gated_sights(const FilterState& state,
                                         const std::vector<LandmarkSight>& sights,
-                                        const Camera& camera, const Pose& T_C_I, double gate);
+                                        const Camera& camera, const Pose& T_I_C, double gate);
 
 /// Iterated update with all sights jointly.
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
-                      const Camera& camera, const Pose& T_C_I, int max_iterations);
+                      const Camera& camera, const Pose& T_I_C, int max_iterations);
 
 }  // namespace vio

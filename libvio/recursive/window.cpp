@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "libvio/geometry/so3.h"
 #include "libvio/geometry/triangulation.h"
 
 namespace vio {
@@ -17,33 +16,37 @@ namespace {
 
 constexpr int kMinSights = 3;      // of a point that is used at all
 constexpr int kLongestTrack = 64;  // sights, bounds the table of gates
-constexpr double kFarthest = 1e3;  // [m]
 
-// Position of a point in sight from given poses, from the sights alone.
-std::optional<Vector3d> refined_point(Vector3d p_W, const Camera& camera, const Pose& T_C_I,
-                                      const std::vector<Pose>& poses,
-                                      const std::vector<Sight>& sights) {
+// A point in sight from given poses, from the sights alone; it keeps its anchor.
+std::optional<AnchoredPoint> refined_point(AnchoredPoint point, const Pose& anchor,
+                                           const Camera& camera, const Pose& T_I_C,
+                                           const std::vector<Pose>& poses,
+                                           const std::vector<Sight>& sights) {
     constexpr int kIterations = 8;
+    const Pose T_C_I = T_I_C.inverse();
     double cost = -1;
     for (int i = 0; i < kIterations; ++i) {
         Matrix3d A = Matrix3d::Zero();
         Vector3d b = Vector3d::Zero();
         double new_cost = 0;
+        if (!point.in_front()) return std::nullopt;
+        const PlacedPoint place = placed(point, anchor, T_I_C);
         for (std::size_t k = 0; k < poses.size(); ++k) {
-            const auto seen = sight_residual(camera, T_C_I, poses[k], p_W, sights[k]);
+            const auto seen = sight_residual(camera, T_C_I, poses[k], place.p_W, sights[k]);
             if (!seen) return std::nullopt;
-            A += seen->J_point.transpose() * seen->J_point;
-            b += seen->J_point.transpose() * seen->residual;
+            const Matrix23d J = seen->J_point * place.J_point;
+            A += J.transpose() * J;
+            b += J.transpose() * seen->residual;
             new_cost += seen->residual.squaredNorm();
         }
-        if (cost >= 0 && std::abs(cost - new_cost) <= 1e-6 * (1 + cost)) return p_W;
+        if (cost >= 0 && std::abs(cost - new_cost) <= 1e-6 * (1 + cost)) return point;
         if (cost >= 0 && new_cost > 4 * cost + 100) return std::nullopt;
         cost = new_cost;
         const Vector3d step = A.ldlt().solve(b);
         if (!step.allFinite()) return std::nullopt;
-        p_W += step;
+        point.x += step;
     }
-    return p_W;
+    return point;
 }
 
 }  // namespace
@@ -84,8 +87,8 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
         bool done = ended;
         const bool budget = outcome.used + outcome.rejected < options_.max_points;
         if (sights >= kMinSights && budget && (ended || leaves || candidate)) {
-            auto point = split(state, image_idx, id, track);
-            const bool landmark = point && candidate && precise(state, *point);
+            auto point = split(state, id, track);
+            const bool landmark = point && candidate && precise(*point);
             if (point && (landmark || ended || leaves)) {
                 done = true;
                 if (!passes_gate(state, *point)) {
@@ -107,59 +110,65 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
     return outcome;
 }
 
-std::optional<Window::Split> Window::split(const FilterState& state, int image_idx, FeatureId id,
+std::optional<Window::Split> Window::split(const FilterState& state, FeatureId id,
                                            const Track& track) const {
     std::vector<Pose> poses;
-    std::vector<int> columns;
+    std::vector<int> slots;
     std::vector<Sight> sights;
     std::vector<SightLine> lines;
     for (const SightAt& s : track) {
-        const int slot = s.image_idx == image_idx ? -1 : state.find_clone(s.image_idx);
-        if (s.image_idx != image_idx && slot < 0) continue;
-        const Pose& T_W_I = slot < 0 ? state.core().T_W_I : state.clones()[slot].T_W_I;
+        const int slot = state.find_clone(s.image_idx);
+        if (slot < 0) continue;
         const auto ray = camera_->ray(s.sight.uv_px);
         if (!ray) continue;
+        const Pose& T_W_I = state.clones()[slot].T_W_I;
         const Pose T_W_C = T_W_I * T_I_C_;
         lines.push_back({T_W_C * ray->origin, T_W_C.R * ray->direction});
         poses.push_back(T_W_I);
-        columns.push_back(slot < 0 ? 0 : state.clone_offset(slot));
+        slots.push_back(slot);
         sights.push_back(s.sight);
     }
     const int n = static_cast<int>(poses.size());
     if (n < kMinSights) return std::nullopt;
     const auto rough = triangulate(lines, options_.angular_sigma);
     if (!rough) return std::nullopt;
-    const auto p_W = refined_point(rough->point, *camera_, T_C_I_, poses, sights);
-    if (!p_W || (*p_W - poses.back().p).norm() > kFarthest) return std::nullopt;
+    Split split;
+    split.id = id;
+    split.sights = n;
+    split.anchor = slots.back();
+    const Pose& anchor = poses.back();
+    const auto refined = refined_point(anchored(rough->point, anchor, T_I_C_), anchor, *camera_,
+                                       T_I_C_, poses, sights);
+    if (!refined || !refined->in_front()) return std::nullopt;
+    split.point = *refined;
 
     // [H_l | H_x | r], then the orthogonal factor of H_l applied to all.
-    const int w = state.window_size();
+    const PlacedPoint place = placed(split.point, anchor, T_I_C_);
+    const int w = state.window_size(), at_anchor = 3 + state.clone_offset(split.anchor);
     MatrixXd all = MatrixXd::Zero(2 * n, 3 + w + 1);
     for (int i = 0; i < n; ++i) {
-        const auto seen = sight_residual(*camera_, T_C_I_, poses[i], *p_W, sights[i]);
+        const auto seen = sight_residual(*camera_, T_C_I_, poses[i], place.p_W, sights[i]);
         if (!seen) return std::nullopt;
-        all.block<2, 3>(2 * i, 0) = seen->J_point;
-        all.block<2, 3>(2 * i, 3 + columns[i]) = seen->J_rotation;
-        all.block<2, 3>(2 * i, 6 + columns[i]) = seen->J_position;
+        const int at = 3 + state.clone_offset(slots[i]);
+        all.block<2, 3>(2 * i, 0) = seen->J_point * place.J_point;
+        all.block<2, 3>(2 * i, at) += seen->J_rotation;
+        all.block<2, 3>(2 * i, at + 3) += seen->J_position;
+        all.block<2, 3>(2 * i, at_anchor) += seen->J_point * place.J_rotation;
+        all.block<2, 3>(2 * i, at_anchor + 3) += seen->J_point;
         all.block<2, 1>(2 * i, 3 + w) = seen->residual;
     }
-    Split point;
-    point.id = id;
-    point.sights = n;
     const MatrixXd H_l = all.leftCols<3>();
     const Eigen::HouseholderQR<MatrixXd> qr(H_l);
     all.applyOnTheLeft(qr.householderQ().adjoint());
-    point.R_l = all.topLeftCorner<3, 3>().triangularView<Eigen::Upper>();
-    if (!(point.R_l.diagonal().cwiseAbs().minCoeff() >
-          1e-9 * point.R_l.diagonal().cwiseAbs().maxCoeff()))
-        return std::nullopt;
-    const Matrix3d inverse = point.R_l.triangularView<Eigen::Upper>().solve(Matrix3d::Identity());
-    point.covariance = inverse * inverse.transpose();
-    point.p_W = *p_W + inverse * all.col(3 + w).head<3>();
-    point.H_l_x = all.block(0, 3, 3, w);
-    point.H = all.block(3, 3, 2 * n - 3, w);
-    point.residual = all.col(3 + w).tail(2 * n - 3);
-    return point;
+    split.R_l = all.topLeftCorner<3, 3>().triangularView<Eigen::Upper>();
+    if (!(split.R_l.diagonal().cwiseAbs().minCoeff() > 0)) return std::nullopt;
+    const Matrix3d inverse = split.R_l.triangularView<Eigen::Upper>().solve(Matrix3d::Identity());
+    split.covariance = inverse * inverse.transpose();
+    split.point.x += inverse * all.col(3 + w).head<3>();
+    split.H_l_x = all.block(0, 3, 3, w);
+    split.H = all.block(3, 3, 2 * n - 3, w);
+    split.residual = all.col(3 + w).tail(2 * n - 3);
+    return split;
 }
 
 bool Window::passes_gate(const FilterState& state, const Split& point) const {
@@ -169,10 +178,9 @@ bool Window::passes_gate(const FilterState& state, const Split& point) const {
     return distance2 < gates_[point.residual.size()];
 }
 
-bool Window::precise(const FilterState& state, const Split& point) const {
-    const double distance = (point.p_W - state.core().T_W_I * T_I_C_.p).norm();
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(point.covariance, Eigen::EigenvaluesOnly);
-    return std::sqrt(std::max(0.0, eigen.eigenvalues()(2))) < options_.new_point_sigma * distance;
+bool Window::precise(const Split& split) const {
+    const double sigma = std::sqrt(std::max(0.0, split.covariance(2, 2)));
+    return split.point.in_front() && sigma < options_.new_point_sigma * split.point.x.z();
 }
 
 void Window::augment(FilterState& state, const std::vector<Split>& points) const {
@@ -182,16 +190,14 @@ void Window::augment(FilterState& state, const std::vector<Split>& points) const
     for (int i = 0; i < k; ++i) {
         const Split& point = points[i];
         landmarks[i].id = point.id;
-        landmarks[i].p_W = point.p_W;
+        landmarks[i].anchor = point.anchor;
+        landmarks[i].point = point.point;
         landmarks[i].observations = point.sights;
         noise.block<3, 3>(3 * i, 3 * i) = point.covariance;
-        if (options_.cameras_exact) {  // z_w = T_W_I z_I with the newest pose alone uncertain
-            const Vector3d lever = point.p_W - state.core().T_W_I.p;
-            G.block<3, 3>(3 * i, kRotation) = -so3::skew(lever) * state.core().T_W_I.R;
-            G.block<3, 3>(3 * i, kPosition).setIdentity();
-        } else {
+        // The paper's way takes the poses between which the point was triangulated as exact
+        // relative to the newest, its anchor: then its own error does not depend on theirs.
+        if (!options_.cameras_exact)
             G.middleRows<3>(3 * i) = -point.R_l.triangularView<Eigen::Upper>().solve(point.H_l_x);
-        }
     }
     state.augment(landmarks, G, noise);
 }

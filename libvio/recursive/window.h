@@ -21,18 +21,18 @@ namespace vio {
 struct WindowOptions {
     bool cameras_exact = false;  ///< new points as the paper does, recent cameras taken as exact
     int max_landmarks = 50;
-    int max_points = 40;            ///< points used from the window at one image
-    int min_sights = 4;             ///< of a point that becomes a landmark
-    double new_point_sigma = 0.03;  ///< of its position relative to the newest camera's distance
-    double gate = 0.99;             ///< probability
-    double angular_sigma = 1e-3;    ///< of a sight [rad]
+    int max_points = 40;           ///< points used from the window at one image
+    int min_sights = 4;            ///< of a point that becomes a landmark
+    double new_point_sigma = 0.3;  ///< of its distance, as a share
+    double gate = 0.99;            ///< probability
+    double angular_sigma = 1e-3;   ///< of a sight [rad]
 };
 
 class Window {
  public:
     Window(const WindowOptions& options, CameraPtr camera, const Pose& T_I_C);
 
-    /// Notes that a feature that is no landmark was seen from the core's present pose.
+    /// Notes that a feature that is no landmark was seen at an image, of which there is a clone.
     void observe(FeatureId id, int image_idx, const Sight& sight);
 
     struct Outcome {
@@ -59,7 +59,8 @@ class Window {
     struct Split {
         FeatureId id = -1;
         int sights = 0;
-        Eigen::Vector3d p_W;
+        int anchor = -1;  // slot of the newest clone that saw it
+        AnchoredPoint point;
         Eigen::Matrix3d covariance;  // of the point, poses taken as exact
         Eigen::Matrix3d R_l;         // upper triangular: R_l dl = -H_l_x dx - n
         Eigen::MatrixXd H_l_x;       // 3 rows
@@ -67,10 +68,9 @@ class Window {
         Eigen::VectorXd residual;
     };
 
-    std::optional<Split> split(const FilterState& state, int image_idx, FeatureId id,
-                               const Track& track) const;
+    std::optional<Split> split(const FilterState& state, FeatureId id, const Track& track) const;
     bool passes_gate(const FilterState& state, const Split& point) const;
-    bool precise(const FilterState& state, const Split& point) const;
+    bool precise(const Split& point) const;
     void augment(FilterState& state, const std::vector<Split>& points) const;
     void update(FilterState& state, const std::vector<Split>& points) const;
 

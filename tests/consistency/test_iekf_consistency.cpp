@@ -67,13 +67,5 @@ TEST(IekfConsistency, ErrorsMatchTheirCovariance) {
     EXPECT_LT(nees.rotation, 1.3);
 }
 
-TEST(IekfConsistency, InvariantFilterBeatsTheNaiveOne) {
-    IekfOptions naive = simulated_sensor();
-    naive.consistency = "none";
-    const Nees with = measured(simulated_sensor(), 8, 15), without = measured(naive, 8, 15);
-    EXPECT_GT(without.rotation, 2 * with.rotation);
-    EXPECT_GT(without.position_rmse, with.position_rmse);
-}
-
 }  // namespace
 }  // namespace vio

@@ -1,5 +1,6 @@
 // Runs the recursive estimator over seeds of a scenario and compares it with truth and batch:
 //   vio_filter_runs compare SCENARIO.ini [SEEDS] [ARGUMENT...]
+//   vio_filter_runs causal SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs consistency SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs table5 | table6 SCENARIO.ini [SEEDS] [ARGUMENT...]
 // ARGUMENT: section.name=value of the scenario, of [iekf], [batch] or [told] (noise densities that

@@ -1,0 +1,23 @@
+// The filter's first state from a joint estimate of a pose and the points in sight, section 5.2.
+#pragma once
+
+#include "libvio/batch/batch.h"
+#include "libvio/recursive/motion.h"
+
+namespace vio {
+
+struct FilterStartOptions {
+    bool invariant = true;
+    int max_landmarks = 50;
+    double point_sigma =
+        0.3;  ///< points whose distance is less certain than this share are left out
+};
+
+/// State at the time of the reading `at` (in the IMU frame, biased): the IMU's from that of the
+/// body, with one clone (image 0) to which the most precise points are anchored. omega_I: angular
+/// velocity without bias [rad/s].
+FilterState started(const BatchTail& tail, const Rig& rig, const MotionModel& motion,
+                    const ImuReading& at, const Eigen::Vector3d& omega_I,
+                    const FilterStartOptions& options);
+
+}  // namespace vio
