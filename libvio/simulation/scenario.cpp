@@ -60,6 +60,7 @@ Rig with_errors(const Rig& truth, const ScenarioOptions& options, Random& random
         const Eigen::Vector3d turn = degrees * std::numbers::pi / 180 * random.normal3();
         return Pose{pose.R * so3::exp(turn), pose.p + metres * random.normal3()};
     };
+    stated.camera = options.camera.stated();
     Rig rig = truth;
     rig.camera = make_camera(stated);
     rig.T_B_C = moved(truth.T_B_C, errors.camera_rotation_deg, errors.camera_position);
@@ -101,6 +102,7 @@ Simulation::Simulation(const ScenarioOptions& options)
     } else {
         make_recorded_imu();
     }
+    make_vibration();
     make_tracks();
     make_vehicle_sensors();
     make_stream();
@@ -241,6 +243,15 @@ void Simulation::make_tracks() {
     Random random(static_cast<std::uint64_t>(options_.seed), "tracks");
     tracks_ =
         simulate_tracks(scene_, *rig_.camera, image_times_, T_W_C, options_.track_model, random);
+    if (!vibrating_.empty()) apply_vibration(*rig_.camera, vibrating_, T_W_C, tracks_);
+}
+
+void Simulation::make_vibration() {
+    std::vector<double> accelerations;
+    for (const TimeNs t : image_times_)
+        accelerations.push_back(trajectory_->at(seconds(t)).a_W.norm());
+    Random random(static_cast<std::uint64_t>(options_.seed), "vibration");
+    vibrating_ = options_.camera.vibrating(rig_.camera, accelerations, random);
 }
 
 void Simulation::make_vehicle_sensors() {
@@ -283,7 +294,9 @@ void Simulation::make_stream() {
 }
 
 cv::Mat Simulation::image(int image_idx) const {
-    if (!renderer_) renderer_ = std::make_unique<Renderer>(scene_, rig_.camera, options_.rendering);
+    if (!vibrating_.empty() || !renderer_)
+        renderer_ = std::make_unique<Renderer>(
+            scene_, vibrating_.empty() ? rig_.camera : vibrating_[image_idx], options_.rendering);
     const auto T_W_C_at = [this](double t) { return trajectory_->at(t).T_W_B * rig_.T_B_C; };
     const std::uint64_t noise_seed =
         Random::stream_seed(static_cast<std::uint64_t>(options_.seed), "image noise") +

@@ -71,6 +71,7 @@ class Simulation {
     void make_imu();
     void make_recorded_imu();
     void make_truth();
+    void make_vibration();
     void make_tracks();
     void make_vehicle_sensors();
     void make_stream();
@@ -86,11 +87,13 @@ class Simulation {
     std::vector<ImuReading> ideal_imu_;
     SimulatedImu imu_;
     std::optional<SmoothedPath> smoothed_path_;
+    std::vector<CameraPtr> vibrating_;  ///< camera at each image; empty: rig_'s
     SimulatedTracks tracks_;
     SimulatedOdometry odometry_;
     SimulatedGps gps_;
     std::vector<StreamEntry> stream_;
-    mutable std::unique_ptr<Renderer> renderer_;  ///< made with the first image
+    mutable std::unique_ptr<Renderer>
+        renderer_;  ///< made with the first image, or for each that vibrates
 };
 
 }  // namespace vio

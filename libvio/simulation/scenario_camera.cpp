@@ -1,32 +1,17 @@
 #include "libvio/simulation/scenario_camera.h"
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <numbers>
-#include <sstream>
 
 #include "libvio/camera/description.h"
+#include "libvio/camera/mirror.h"
+#include "libvio/simulation/scenario_text.h"
 
 namespace vio {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-
-// From x y z [m] yaw pitch roll [deg].
-Pose pose_from(const std::string& text) {
-    std::istringstream in(text);
-    std::array<double, 6> v{};
-    for (double& value : v) in >> value;
-    std::string more;
-    if (!in || in >> more)
-        throw InputError("scenario [camera] mirror_pose: expected six numbers in '" + text + "'");
-    using Eigen::AngleAxisd, Eigen::Vector3d;
-    return {(AngleAxisd(v[3] * kDegree, Vector3d::UnitZ()) *
-             AngleAxisd(v[4] * kDegree, Vector3d::UnitY()) *
-             AngleAxisd(v[5] * kDegree, Vector3d::UnitX()))
-                .toRotationMatrix(),
-            {v[0], v[1], v[2]}};
-}
 
 }  // namespace
 
@@ -48,6 +33,17 @@ void ScenarioCamera::describe(OptionSet& set) {
     set.add("mirror_pose", &mirror_pose,
             "x y z yaw pitch roll [m, deg] of the mirror in the camera frame (T_C_M); zeros: "
             "aligned");
+    set.add("stated_mirror_pose", &stated_mirror_pose,
+            "mirror_pose in the rawlog's calibration, if it is another");
+    set.add("mirror_vibration", &mirror_vibration, "m", {0, 0.1},
+            "vibration of the mirror across its axis at the path's RMS acceleration, 1 sigma per "
+            "axis");
+}
+
+ScenarioCamera ScenarioCamera::stated() const {
+    ScenarioCamera camera = *this;
+    if (!stated_mirror_pose.empty()) camera.mirror_pose = stated_mirror_pose;
+    return camera;
 }
 
 CameraPtr ScenarioCamera::make(int width, int height, const std::vector<double>& intrinsics,
@@ -70,12 +66,43 @@ CameraPtr ScenarioCamera::make(int width, int height, const std::vector<double>&
     d.shape.semi_latus_rectum = semi_latus_rectum;
     d.shape.rim_radius = rim_radius;
     d.shape.blind_radius = blind_radius;
-    d.T_C_M = pose_from(mirror_pose);
+    d.T_C_M = pose_option(mirror_pose, "[camera] mirror_pose");
     try {
         return make_camera(d);
     } catch (const InputError& reason) {
         throw InputError(std::string("scenario [camera]: ") + reason.what());
     }
+}
+
+std::vector<CameraPtr> ScenarioCamera::vibrating(const CameraPtr& camera,
+                                                 const std::vector<double>& accelerations,
+                                                 Random& random) const {
+    if (!(mirror_vibration > 0)) return {};
+    const auto* mirror_camera = dynamic_cast<const MirrorCamera*>(camera.get());
+    if (!mirror_camera)
+        throw InputError("scenario [camera] mirror_vibration: a camera of model " + model +
+                         " has no mirror of its own; take a *_mirror model or leave it out");
+    double sum2 = 0;
+    for (const double a : accelerations) sum2 += a * a;
+    const double usual = std::sqrt(sum2 / static_cast<double>(accelerations.size()));
+    std::vector<CameraPtr> cameras;
+    for (const double a : accelerations) {
+        MirrorParameters p = mirror_camera->parameters();
+        const double sigma = usual > 0 ? mirror_vibration * a / usual : 0;
+        p.T_C_M.p.head<2>() += sigma * random.normal2();
+        cameras.push_back(std::make_shared<MirrorCamera>(p));
+    }
+    return cameras;
+}
+
+void apply_vibration(const Camera& steady, const std::vector<CameraPtr>& vibrating,
+                     const std::vector<Pose>& T_W_C, SimulatedTracks& tracks) {
+    for (std::size_t i = 0; i < tracks.frames.size(); ++i)
+        for (FeatureObservation& feature : tracks.frames[i].features) {
+            const Eigen::Vector3d p_C = T_W_C[i].inverse() * tracks.points_W.at(feature.feature_id);
+            const auto at_rest = steady.project(p_C), now = vibrating[i]->project(p_C);
+            if (at_rest && now) feature.uv_px += *now - *at_rest;
+        }
 }
 
 }  // namespace vio
