@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
     vio::app::add_render(program);
     vio::app::add_export(program);
     vio::app::add_info(program);
+    vio::app::add_calibrate(program);
     vio::app::add_statistics(program);
     try {
         program.parse(argc, argv);
