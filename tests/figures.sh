@@ -116,10 +116,18 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
 fi
 
+if [[ -x build/release/tests/vio_omnidirectional_table ]]; then
+    echo
+    echo "Table 8 of the paper: the omnidirectional arm, with the figures of the paper below each row"
+    taskset -c 0 build/release/tests/vio_omnidirectional_table datasets
+fi
+
 # The filter over seeds of simulated experiments.
 readonly RUNS=build/release/tests/vio_filter_runs
 printf '\nperspective arm, filter and batch after yaw and position alignment\n'
 taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
+
+# The paper's tables and figures: many minutes, so only if asked for.
 
 # The paper's tables and figures: many minutes, so only if asked for.
 if [[ ${VIO_PAPER:-} ]]; then
