@@ -32,16 +32,25 @@ TEST(OmnidirectionalArm, BatchSurvivesTheVibrationOfTheMirror) {
     EXPECT_LT(e.position, 0.034);
 }
 
-// Same motion, same pixel noise, as many points: though the mirror vibrates and is not where the
-// calibration says.
+// Same motion, same pixel noise, as many points. The mirror has a single viewpoint here: without
+// one, images alone hold the scale, but weakly, and it drifts to where it explains errors of the
+// calibration.
 TEST(OmnidirectionalArm, ImagesAloneSufferLessThanWithAPerspectiveCamera) {
-    const Arm mirror(scenario("omnidirectional_arm_1")), perspective(scenario("perspective_arm"));
+    ScenarioOptions options = ScenarioOptions::from_file(scenario("omnidirectional_arm_1"));
+    options.camera = {};
+    options.camera.model = "unified";
+    options.camera.xi = 1;
+    options.camera.mirror = true;
+    options.camera.min_angle_deg = 23;
+    options.camera.max_angle_deg = 97;
+    options.intrinsics = "212 106 319.5 119.5";
+    const Arm mirror(options), perspective(scenario("perspective_arm"));
     const auto image_only = [](const Arm& arm) {
         return arm.errors(arm.batch(false, arm.batch(true).estimate).estimate);
     };
     const ArmErrors with_mirror = image_only(mirror), without = image_only(perspective);
     EXPECT_LT(2 * with_mirror.rotation, without.rotation);
-    EXPECT_LT(1.5 * with_mirror.position, without.position);
+    EXPECT_LT(2 * with_mirror.position, without.position);
 }
 
 TEST(OmnidirectionalArm, TheMirrorsTruePlaceImprovesTheEstimate) {
