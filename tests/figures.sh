@@ -128,8 +128,6 @@ printf '\nperspective arm, filter and batch after yaw and position alignment\n'
 taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
 
 # The paper's tables and figures: many minutes, so only if asked for.
-
-# The paper's tables and figures: many minutes, so only if asked for.
 if [[ ${VIO_PAPER:-} ]]; then
     echo
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
