@@ -72,7 +72,7 @@ class Batch final : public Estimator {
     }
     bool converged() const override { return result_.report.converged; }
     int iterations() const override { return result_.report.iterations; }
-    Eigen::Vector3d gyro_bias() const override { return Eigen::Vector3d::Zero(); }
+    std::vector<FeatureId> take_rejected() override { return {}; }
 
  private:
     BatchProblem problem_;
@@ -96,7 +96,7 @@ class Recursive final : public Estimator {
     std::vector<StatusEntry> events() const override { return filter_.status(); }
     bool converged() const override { return !filter_.estimate().states.empty(); }
     int iterations() const override { return 0; }
-    Eigen::Vector3d gyro_bias() const override { return filter_.gyro_bias(); }
+    std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
 
  private:
     Iekf filter_;

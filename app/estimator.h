@@ -29,8 +29,8 @@ class Estimator {
     virtual bool converged() const = 0;
     /// Steps of the minimisation; 0 for the filter.
     virtual int iterations() const = 0;
-    /// Gyro bias as known so far [rad/s], for the tracker's prediction.
-    virtual Eigen::Vector3d gyro_bias() const = 0;
+    /// Features found to be tracked wrongly since the last call.
+    virtual std::vector<FeatureId> take_rejected() = 0;
 };
 
 /// The estimator that the request names.

@@ -137,7 +137,7 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
             if (const auto* reading = std::get_if<ImuReading>(&*message))
                 timed(report.estimation_s, [&] { feeder.add(*reading); });
             feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
-            front_end.set_gyro_bias(estimator.gyro_bias());
+            front_end.end_tracks(estimator.take_rejected());
             progress.update(recording.progress());
         }
     } catch (const InputError& damage) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/filter_start.h"
@@ -133,6 +134,7 @@ struct Iekf::Impl {
     std::vector<LandmarkSight> known;
     int used = 0;
     bool contradicted = false;
+    std::vector<FeatureId> rejected;  // not yet taken by the caller
 
     // Health.
     int bad_images = 0;
@@ -286,9 +288,12 @@ void Iekf::Impl::update_known_points() {
 
 void Iekf::Impl::drop_lost_points() {
     std::vector<bool> remove;
-    for (const LandmarkState& landmark : state->landmarks())
-        remove.push_back(landmark.images_unseen > options.lost_after ||
-                         landmark.rejections >= kMaxRejections || !landmark.point.in_front());
+    for (const LandmarkState& landmark : state->landmarks()) {
+        const bool given_up = landmark.rejections >= kMaxRejections;
+        if (given_up) rejected.push_back(landmark.id);
+        remove.push_back(given_up || landmark.images_unseen > options.lost_after ||
+                         !landmark.point.in_front());
+    }
     give_up(remove);
 }
 
@@ -422,9 +427,8 @@ const Estimate& Iekf::estimate() const {
     return result;
 }
 
-Eigen::Vector3d Iekf::gyro_bias() const {
-    const auto& states = impl_->result.states;
-    return states.empty() ? Eigen::Vector3d::Zero() : states.back().gyro_bias;
+std::vector<FeatureId> Iekf::take_rejected() {
+    return std::exchange(impl_->rejected, {});
 }
 
 const std::vector<StatusEntry>& Iekf::status() const {

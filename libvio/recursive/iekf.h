@@ -72,8 +72,9 @@ class Iekf {
     /// landmark that was ever in the state with its last estimate.
     const Estimate& estimate() const;
 
-    /// Gyro bias of the newest state [rad/s], zero before the start. Cheap, unlike estimate().
-    Eigen::Vector3d gyro_bias() const;
+    /// Features given up since the last call because their innovations failed the gate again and
+    /// again: their tracks are wrong.
+    std::vector<FeatureId> take_rejected();
 
     const std::vector<StatusEntry>& status() const;
 

@@ -44,8 +44,7 @@ FeatureFrame TrackingFrontEnd::track_first() {
     const ImageMessage image = std::move(waiting_.front());
     waiting_.pop_front();
     std::optional<Eigen::Matrix3d> R_C1_C2;
-    if (use_gyro_ && last_image_)
-        R_C1_C2 = camera_rotation(imu_, rig_, *last_image_, image.t, gyro_bias_);
+    if (use_gyro_ && last_image_) R_C1_C2 = camera_rotation(imu_, rig_, *last_image_, image.t);
     last_image_ = image.t;
     return tracker_.track(image.t, image.image, R_C1_C2);
 }

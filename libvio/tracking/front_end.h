@@ -11,7 +11,8 @@
 
 namespace vio {
 
-/// Tracks the images of a stream of messages, predicting with the gyro. The loop of an application:
+/// Tracks the images of a stream of messages, predicting with the gyro (whose bias the tracker
+/// learns from the images). The loop of an application:
 ///
 ///     while (auto message = recording.next())
 ///         for (const FeatureFrame& frame : front_end.add(*message)) use(frame);
@@ -33,8 +34,8 @@ class TrackingFrontEnd {
     /// Frames of the images that still wait. Call once after the last message.
     std::vector<FeatureFrame> finish();
 
-    /// Gyro bias [rad/s] that predictions use from now on.
-    void set_gyro_bias(const Eigen::Vector3d& gyro_bias) { gyro_bias_ = gyro_bias; }
+    /// See FeatureTracker::end_tracks.
+    void end_tracks(const std::vector<FeatureId>& ids) { tracker_.end_tracks(ids); }
 
     FeatureTracker& tracker() { return tracker_; }
 
@@ -50,7 +51,6 @@ class TrackingFrontEnd {
     ImuSequence imu_;
     std::deque<ImageMessage> waiting_;
     std::optional<TimeNs> last_image_;
-    Eigen::Vector3d gyro_bias_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace vio

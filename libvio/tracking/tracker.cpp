@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <string>
+#include <utility>
 
 #include "libvio/base/errors.h"
 #include "libvio/geometry/so3.h"
@@ -128,6 +129,7 @@ struct FeatureTracker::Impl {
         Vector3d::Zero();         // of the given rotations, camera frame [rad/s]
     double usual_brightness = 0;  // mean grey value, slow average
     FeatureId next_id = 0;
+    int ended_by_caller = 0;  // since the last image
 
     // Of the image in work, one for each track.
     std::vector<Expectation> expected;
@@ -159,7 +161,7 @@ struct FeatureTracker::Impl {
 FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
                                          const std::optional<Matrix3d>& R_given) {
     admit(t, image);
-    report = {.ended_by_caller = report.ended_by_caller};
+    report = {.ended_by_caller = std::exchange(ended_by_caller, 0)};
     report.before = static_cast<int>(tracks.size());
     Stopwatch watch;
     const std::optional<Matrix3d> R = corrected_rotation(t, R_given);
@@ -252,10 +254,11 @@ void FeatureTracker::Impl::flow() {
     std::vector<Vector2d> places, predicted;
     std::vector<std::size_t> owner;
     for (std::size_t i = 0; i < tracks.size(); ++i) {
-        if (tracks[i].missed > 0) continue;
+        // What leaves the image would be taken for something like it inside.
+        if (tracks[i].missed > 0 || !camera->inside_image(expected[i].uv)) continue;
         owner.push_back(i);
         places.push_back(tracks[i].uv);
-        predicted.push_back(camera->inside_image(expected[i].uv) ? expected[i].uv : tracks[i].uv);
+        predicted.push_back(expected[i].uv);
     }
     if (owner.empty()) return;
     const std::vector<cv::Point2f> from = to_points(places);
@@ -298,7 +301,7 @@ void FeatureTracker::Impl::search_missed() {
         if (seen[i]) found.push_back(i);
     const cv::Mat half = half_image();
     for (std::size_t i = 0; i < tracks.size(); ++i) {
-        if (seen[i]) continue;
+        if (seen[i] || !camera->inside_image(expected[i].uv)) continue;
         expected[i].uv += neighbours_motion(expected[i].uv, found);
         tracks[i].uv = expected[i].uv;
         const auto place = tracks[i].look->search(half, expected[i].uv, expected[i].A,
@@ -460,7 +463,8 @@ void FeatureTracker::set_mask(const cv::Mat& mask) {
 }
 
 void FeatureTracker::end_tracks(const std::vector<FeatureId>& ids) {
-    impl_->report.ended_by_caller = impl_->keep_if([&](const Track& track) {
+    if (ids.empty()) return;
+    impl_->ended_by_caller += impl_->keep_if([&](const Track& track) {
         return std::find(ids.begin(), ids.end(), track.id) == ids.end();
     });
 }

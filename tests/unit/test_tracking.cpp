@@ -52,7 +52,7 @@ const cv::Mat& texture() {
 }
 
 // A textured plane at infinity (homography K R^T K^-1) seen by a camera of attitude R_W_C.
-cv::Mat view(const Matrix3d& R_W_C) {
+cv::Mat view(const Matrix3d& R_W_C, const cv::Mat& plane = texture()) {
     Matrix3d K, K_texture;
     K << kFocal, 0, 239.5, 0, kFocal, 159.5, 0, 0, 1;
     K_texture << kFocal, 0, 549.5, 0, kFocal, 449.5, 0, 0, 1;
@@ -60,7 +60,7 @@ cv::Mat view(const Matrix3d& R_W_C) {
     const cv::Matx33d M(H(0, 0), H(0, 1), H(0, 2), H(1, 0), H(1, 1), H(1, 2), H(2, 0), H(2, 1),
                         H(2, 2));
     cv::Mat image;
-    cv::warpPerspective(texture(), image, M, {kWidth, kHeight},
+    cv::warpPerspective(plane, image, M, {kWidth, kHeight},
                         cv::INTER_LINEAR | cv::WARP_INVERSE_MAP);
     return image;
 }
@@ -214,6 +214,140 @@ TEST(FeatureTracker, EndsTracksOnRequestAndRefusesForeignImages) {
     EXPECT_THROW(tracker.track(3, cv::Mat(100, 100, CV_8U, cv::Scalar(0))), InputError);
     EXPECT_THROW(tracker.track(3, cv::Mat(kHeight, kWidth, CV_8UC3)), InputError);
     EXPECT_THROW(tracker.track(2, view(Matrix3d::Identity())), InputError);
+}
+
+// Directions of the features of one run, each where it was first seen, and how later sights fit.
+class Judge {
+ public:
+    void add(const FeatureFrame& frame, const Matrix3d& R_W_C) {
+        alive_ = 0;
+        errors_.clear();
+        for (const auto& [id, f] : directions(frame, R_W_C)) {
+            const auto [first, is_new] = first_.emplace(id, f);
+            if (is_new) continue;
+            ++alive_;
+            errors_.push_back(
+                (*camera()->project(R_W_C.transpose() * f) - place(first->second, R_W_C)).norm());
+            ++observations_;
+            mistracks_ += errors_.back() > 2;
+        }
+        std::sort(errors_.begin(), errors_.end());
+    }
+    int alive() const { return alive_; }  // features of the last frame that were known before
+    double median() const { return errors_.empty() ? 1e9 : errors_[errors_.size() / 2]; }
+    double mistrack_share() const { return static_cast<double>(mistracks_) / observations_; }
+
+ private:
+    std::map<FeatureId, Vector3d> first_;
+    std::vector<double> errors_;  // of the last frame
+    int alive_ = 0, observations_ = 0, mistracks_ = 0;
+};
+
+// A wall of squares, each corner like its neighbours but one; from image to image it moves by more
+// than a square. The gyro says where, but for a bias.
+TEST(FeatureTracker, KeepsItsPlaceOnACheckerWall) {
+    constexpr int kSquare = 22;
+    cv::Mat wall(900, 1100, CV_8U);
+    for (int y = 0; y < wall.rows; ++y)
+        for (int x = 0; x < wall.cols; ++x)
+            wall.at<unsigned char>(y, x) = (x / kSquare + y / kSquare) % 2 ? 190 : 60;
+    cv::GaussianBlur(wall, wall, {}, 0.8);
+    const Vector3d rate(0.01, 27 / kFocal, 0.02);  // per image
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    Judge judge;
+    for (int i = 0; i < 12; ++i) {
+        const int step = i < 6 ? i : 12 - i;  // there and back: the wall is not wide
+        const Matrix3d R = so3::exp((step - 3.0) * rate);
+        const double sign = i <= 6 ? 1 : -1;
+        const Matrix3d given = so3::exp(sign * rate + Vector3d(0.004, -0.006, 0.003));
+        judge.add(tracker.track(i + 1, view(R, wall), given), R);
+    }
+    EXPECT_GT(judge.alive(), 60);
+    EXPECT_LT(judge.median(), 0.3);
+    EXPECT_LT(judge.mistrack_share(), 0.01);
+}
+
+// Motion blur over several images: most features are there again when the image is sharp.
+TEST(FeatureTracker, FindsFeaturesAgainAfterBlur) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    Judge judge;
+    const auto attitude = [](double i) { return so3::exp(Vector3d(0, 0.008, 0.002) * i); };
+    std::set<FeatureId> before, after;
+    for (int i = 0; i < 10; ++i) {
+        cv::Mat image = view(attitude(i));
+        if (i >= 4 && i < 6) cv::blur(image, image, {9, 1});
+        const FeatureFrame frame = tracker.track(i + 1, image, attitude(1));
+        judge.add(frame, attitude(i));
+        for (const auto& f : frame.features) (i == 3 ? before : after).insert(f.feature_id);
+        if (i <= 3 || i == 5) after.clear();
+    }
+    std::size_t kept = 0;
+    for (const FeatureId id : before) kept += after.contains(id);
+    EXPECT_GT(kept, before.size() * 8 / 10);
+    EXPECT_LT(judge.median(), 0.15);
+    EXPECT_LT(judge.mistrack_share(), 0.01);
+}
+
+// Something passes before the lens for two images.
+TEST(FeatureTracker, FindsFeaturesAgainBehindWhatPasses) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    Judge judge;
+    const auto attitude = [](double i) { return so3::exp(Vector3d(0.003, 0.004, 0) * i); };
+    std::set<FeatureId> hidden, again;
+    const cv::Rect hand(120, 60, 200, 200);
+    for (int i = 0; i < 6; ++i) {
+        cv::Mat image = view(attitude(i));
+        if (i == 3 || i == 4) image(hand).setTo(30);
+        const FeatureFrame frame = tracker.track(i + 1, image, attitude(1));
+        judge.add(frame, attitude(i));
+        for (const auto& f : frame.features) {
+            const bool behind =
+                cv::Rect(hand.tl() + cv::Point(20, 20), hand.size() - cv::Size(40, 40))
+                    .contains({static_cast<int>(f.uv_px.x()), static_cast<int>(f.uv_px.y())});
+            if (behind && i == 2) hidden.insert(f.feature_id);
+            if (behind && (i == 3 || i == 4)) ADD_FAILURE() << "seen through the hand";
+            if (i == 5 && hidden.contains(f.feature_id)) again.insert(f.feature_id);
+        }
+    }
+    ASSERT_GT(hidden.size(), 10u);
+    EXPECT_GE(again.size(), hidden.size() * 8 / 10);
+    EXPECT_LT(judge.mistrack_share(), 0.01);
+}
+
+// Two fields, half an image's time apart, in one image: what is tracked lies between them.
+TEST(FeatureTracker, FollowsInterlacedFields) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    Judge judge;
+    const auto attitude = [](double i) { return so3::exp(Vector3d(0, 0.008, 0) * i); };  // 2.4 px
+    for (int i = 0; i < 8; ++i) {
+        cv::Mat image = view(attitude(i - 0.25));
+        const cv::Mat odd = view(attitude(i + 0.25));
+        for (int y = 1; y < image.rows; y += 2) odd.row(y).copyTo(image.row(y));
+        judge.add(tracker.track(i + 1, image, attitude(1)), attitude(i));
+    }
+    EXPECT_GT(judge.alive(), 90);
+    EXPECT_LT(judge.median(), 0.6);  // half of what lies between the fields
+    EXPECT_LT(judge.mistrack_share(), 0.01);
+}
+
+TEST(Patch, SearchFindsItsPlaceAndRefusesLikelyOnes) {
+    const cv::Mat image = view(Matrix3d::Identity());
+    cv::Mat half;
+    cv::pyrDown(image, half);
+    const auto patch = Patch::cut(image, {200, 150});
+    ASSERT_TRUE(patch);
+    const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
+    const auto found = patch->search(half, {207, 144}, I, 16 * I);
+    ASSERT_TRUE(found);
+    EXPECT_LT((*found - Vector2d(200, 150)).norm(), 2);
+    EXPECT_FALSE(patch->search(half, {260, 150}, I, 16 * I)) << "out of its reach";
+    cv::Mat twin = image.clone();
+    image(cv::Rect(180, 130, 41, 41)).copyTo(twin(cv::Rect(200, 130, 41, 41)));
+    image(cv::Rect(180, 130, 20, 41)).copyTo(twin(cv::Rect(180, 130, 20, 41)));
+    image(cv::Rect(190, 130, 21, 41)).copyTo(twin(cv::Rect(190, 130, 21, 41)));
+    image(cv::Rect(190, 130, 21, 41)).copyTo(twin(cv::Rect(211, 130, 21, 41)));
+    cv::pyrDown(twin, half);
+    EXPECT_FALSE(patch->search(half, {210, 150}, I, 36 * I)) << "two places look alike";
 }
 
 TEST(Patch, AlignsUnderAffineWarpAndExposure) {
