@@ -101,7 +101,7 @@ fi
 
 echo
 echo "Scenarios beside the experiments that they imitate"
-"$VIO_SLAM" statistics datasets/{perspective_arm,crane,rover,rover_sparse}.ini
+"$VIO_SLAM" statistics datasets/{perspective_arm,omnidirectional_arm_{1,2,3},crane,rover,rover_sparse}.ini
 
 if [[ -x build/release/tests/vio_benchmarks ]]; then
     echo

@@ -27,8 +27,8 @@ void check_results_folder(const std::string& folder, bool overwrite);
 
 /// Writes trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv, landmarks.ply,
 /// landmarks.txt, keyframes.simplemap, options.ini, calibration.ini and summary.json into the
-/// folder (made if missing; other files in it are left alone). Each file appears complete or not at all. Formats:
-/// share/formats.md. Throws as check_results_folder does, and if the disk is full.
+/// folder (made if missing; other files in it are left alone). Each file appears complete or not at
+/// all. Formats: share/formats.md. Throws as check_results_folder does, and if the disk is full.
 void write_results(const std::string& folder, const Results& results, bool overwrite = false);
 
 /// Reads an estimate back from trajectory.tum (required), trajectory_cov.txt, states.csv,

@@ -15,12 +15,12 @@ struct Track {
 
 class TrackSimulator {
  public:
-    TrackSimulator(const Scene& scene, const Camera& camera, const TrackModel& model,
-                   Random& random)
-        : scene_(scene), camera_(camera), model_(model), random_(random) {}
+    TrackSimulator(const Scene& scene, const Camera& camera, const std::vector<Pose>& path,
+                   const TrackModel& model, Random& random)
+        : scene_(scene), camera_(camera), path_(path), model_(model), random_(random) {}
 
-    void advance(TimeNs t, const Pose& T_W_C) {
-        T_W_C_ = T_W_C;
+    void advance(TimeNs t, size_t image_idx) {
+        T_W_C_ = path_[image_idx];
         keep_visible();
         if (static_cast<int>(tracks_.size()) < model_.fewest) extract();
         observe(t);
@@ -29,24 +29,37 @@ class TrackSimulator {
     SimulatedTracks take() { return std::move(result_); }
 
  private:
-    std::optional<Eigen::Vector3d> surface_at(const Eigen::Vector2d& uv_px) const {
+    std::optional<Eigen::Vector3d> surface_at(const Eigen::Vector2d& uv_px,
+                                              const Pose& T_W_C) const {
         const auto ray = camera_.ray(uv_px);
         if (!ray) return std::nullopt;
-        const Eigen::Vector3d origin = T_W_C_ * ray->origin;
-        const Eigen::Vector3d direction = T_W_C_.R * ray->direction;
+        const Eigen::Vector3d origin = T_W_C * ray->origin;
+        const Eigen::Vector3d direction = T_W_C.R * ray->direction;
         const auto hit = scene_.cast(origin, direction);
         if (!hit) return std::nullopt;
         return Eigen::Vector3d(origin + hit->distance * direction);
     }
 
     /// Where a point is seen, nothing if outside the image or hidden.
-    std::optional<Eigen::Vector2d> seen(const Eigen::Vector3d& p_W) const {
-        const auto uv = camera_.project(T_W_C_.inverse() * p_W);
+    std::optional<Eigen::Vector2d> seen_from(const Pose& T_W_C, const Eigen::Vector3d& p_W) const {
+        const auto uv = camera_.project(T_W_C.inverse() * p_W);
         if (!uv || !camera_.inside_image(*uv, model_.border_px)) return std::nullopt;
-        const auto surface = surface_at(*uv);
-        const double tolerance = 1e-3 + 2e-3 * (p_W - T_W_C_.p).norm();
+        const auto surface = surface_at(*uv, T_W_C);
+        const double tolerance = 1e-3 + 2e-3 * (p_W - T_W_C.p).norm();
         if (!surface || (*surface - p_W).norm() > tolerance) return std::nullopt;
         return uv;
+    }
+    std::optional<Eigen::Vector2d> seen(const Eigen::Vector3d& p_W) const {
+        return seen_from(T_W_C_, p_W);
+    }
+
+    /// Whether a point is in sight in the share of all images that is asked for.
+    bool lasts(const Eigen::Vector3d& p_W) const {
+        double misses = (1 - model_.lasting) * static_cast<double>(path_.size());
+        return model_.lasting <= 0 ||
+               std::all_of(path_.begin(), path_.end(), [&](const Pose& T_W_C) {
+                   return seen_from(T_W_C, p_W) || --misses > -1e-6;
+               });
     }
 
     void keep_visible() {
@@ -84,13 +97,13 @@ class TrackSimulator {
         const double w = camera_.width() - 1 - 2 * model_.border_px;
         const double h = camera_.height() - 1 - 2 * model_.border_px;
         take_up_lost();
-        const int attempts = 20 * model_.most;
+        const int attempts = (model_.lasting > 0 ? 1000 : 20) * model_.most;
         for (int i = 0; i < attempts && !full(); ++i) {
             const double u = random_.uniform(), v = random_.uniform();
             const Eigen::Vector2d uv(model_.border_px + w * u, model_.border_px + h * v);
             if (crowded(uv)) continue;
-            const auto point = surface_at(uv);
-            if (!point || !seen(*point)) continue;
+            const auto point = surface_at(uv, T_W_C_);
+            if (!point || !seen(*point) || !lasts(*point)) continue;
             Track track{next_id_++, *point};
             track.uv_px = uv;
             result_.points_W.emplace(track.id, *point);
@@ -100,7 +113,7 @@ class TrackSimulator {
 
     void jump(Track& track) {
         const Eigen::Vector2d uv = track.uv_px + model_.mistrack_px * random_.normal2();
-        const auto point = surface_at(uv);
+        const auto point = surface_at(uv, T_W_C_);
         if (!point || !seen(*point)) return;
         track.followed_W = *point;
         track.uv_px = uv;
@@ -128,6 +141,7 @@ class TrackSimulator {
 
     const Scene& scene_;
     const Camera& camera_;
+    const std::vector<Pose>& path_;
     const TrackModel& model_;
     Random& random_;
     Pose T_W_C_;
@@ -149,6 +163,9 @@ void TrackModel::describe(OptionSet& set) {
     set.add("refind", &refind,
             "features that were lost and are in sight again are taken up, by their number, before "
             "new ones: as where tracks are corrected by hand");
+    set.add("lasting", &lasting, "-", {0, 1},
+            "share of all images in which a feature must be in sight to be picked: as a person "
+            "does who looks at the whole sequence first");
     set.add("longest", &longest, "images", {0, 1e6},
             "length after which a feature is lost; 0: none");
     set.add("mistrack_rate", &mistrack_rate, "-", {0, 1}, "probability of a jump, per observation");
@@ -161,8 +178,8 @@ void TrackModel::describe(OptionSet& set) {
 SimulatedTracks simulate_tracks(const Scene& scene, const Camera& camera,
                                 const std::vector<TimeNs>& times, const std::vector<Pose>& T_W_C,
                                 const TrackModel& model, Random& random) {
-    TrackSimulator simulator(scene, camera, model, random);
-    for (size_t i = 0; i < times.size(); ++i) simulator.advance(times[i], T_W_C[i]);
+    TrackSimulator simulator(scene, camera, T_W_C, model, random);
+    for (size_t i = 0; i < times.size(); ++i) simulator.advance(times[i], i);
     return simulator.take();
 }
 

@@ -24,6 +24,7 @@ struct TrackModel {
     double drift_px = 0;     ///< random walk of the tracked place, per image and axis [px]
     double loss_rate = 0;    ///< probability to lose a feature, per image
     bool refind = false;     ///< lost features that are in sight again are taken up before new ones
+    double lasting = 0;      ///< least share of all images in which a picked feature is in sight
     int longest = 0;         ///< images after which a feature is lost; 0: no limit
     /// Probability, per observation, that the tracker jumps to another place of the surface, and
     /// follows that from then on.

@@ -1,7 +1,7 @@
 // Prints the layout of the paper's Table 8 for the simulated omnidirectional arm experiments, and
 // for the perspective one beside them: vio_omnidirectional_table DATASETS_FOLDER
-#include <cstdio>
 #include <cmath>
+#include <cstdio>
 
 #include "tests/omnidirectional_arm.h"
 

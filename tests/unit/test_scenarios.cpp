@@ -60,7 +60,9 @@ TEST_P(ImitatedExperiment, IdealReadingsIntegrateToTheTrueFinalPose) {
 
 INSTANTIATE_TEST_SUITE_P(Scenarios, ImitatedExperiment,
                          ::testing::Values("perspective_arm.ini", "crane.ini", "rover.ini",
-                                           "rover_sparse.ini"));
+                                           "rover_sparse.ini", "omnidirectional_arm_1.ini",
+                                           "omnidirectional_arm_2.ini",
+                                           "omnidirectional_arm_3.ini"));
 
 TEST(StraightLegs, StopAtControlPointsAndKeepToTheLinesBetween) {
     const std::vector<Waypoint> corners{{1, {Eigen::Matrix3d::Identity(), {0, 0, 1}}},
