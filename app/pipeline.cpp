@@ -1,5 +1,6 @@
 #include "app/pipeline.h"
 
+#include <array>
 #include <chrono>
 #include <optional>
 #include <vector>
@@ -60,6 +61,22 @@ class Part {
  private:
     const RunRequest& request_;
     std::optional<TimeNs> origin_;
+};
+
+// Tells messages that bear the stamp of the one before of their kind: drivers and lossy links write
+// some twice.
+class Repeats {
+ public:
+    bool contains(const Message& message) {
+        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
+        std::optional<TimeNs>& last = last_[message.index()];
+        const bool repeated = last == t;
+        last = t;
+        return repeated;
+    }
+
+ private:
+    std::array<std::optional<TimeNs>, std::variant_size_v<Message>> last_;
 };
 
 // Hands measurements to the estimator. An image outside the IMU's readings cannot be estimated with
@@ -130,9 +147,14 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
     Progress progress("reading");
     // Tracks that the rawlog carries stand for its images.
     const bool has_tracks = recording.has_features();
+    Repeats repeats;
     try {
         while (const std::optional<Message> message = next()) {
             if (!part.contains(*message)) continue;
+            if (repeats.contains(*message)) {
+                ++report.repeated_messages;
+                continue;
+            }
             if (has_tracks && std::holds_alternative<ImageMessage>(*message)) continue;
             if (const auto* reading = std::get_if<ImuReading>(&*message))
                 timed(report.estimation_s, [&] { feeder.add(*reading); });
@@ -176,6 +198,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["imu_readings"] = report.imu_readings;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
+    json["repeated_messages"] = report.repeated_messages;
     json["lost_poses"] = report.lost_poses;
     json["input_output_s"] = report.input_output_s;
     json["tracking_s"] = report.tracking_s;

@@ -39,8 +39,9 @@ struct RunRequest {
 
 /// What a run did, for people and for summary.json.
 struct RunReport {
-    int images = 0;          ///< that reached the estimator
-    int dropped_images = 0;  ///< outside the IMU's readings
+    int images = 0;             ///< that reached the estimator
+    int dropped_images = 0;     ///< outside the IMU's readings
+    int repeated_messages = 0;  ///< left out: of the same stamp as the one before of their kind
     int imu_readings = 0;
     double duration_s = 0;  ///< from the first to the last of these images
     int poses = 0, lost_poses = 0, landmarks = 0;

@@ -30,6 +30,8 @@ void print(const RunReport& r, const RunRequest& request) {
                 r.imu_readings);
     if (r.dropped_images > 0)
         std::printf("dropped     %d images outside the IMU readings\n", r.dropped_images);
+    if (r.repeated_messages > 0)
+        std::printf("left out    %d messages that repeat the one before\n", r.repeated_messages);
     std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());

@@ -286,8 +286,7 @@ COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& opti
         auto mesh = make_mesh("path " + others[i].name, color);
         std::vector<Vector3d> points;
         for (const TimedPose& row : others[i].poses) points.push_back(row.T_W_B.p);
-        // Thinner than the estimate, which would vanish inside it where both agree.
-        add_path(*mesh, points, 0.65 * sizes.path_radius(), color);
+        add_path(*mesh, points, sizes.path_radius(), color);
         if (mesh->getTrianglesCount() > 0) scene->insert(mesh);
     }
     if (!to_come.empty()) {
