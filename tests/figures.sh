@@ -114,6 +114,7 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
     echo "V1_01 with recorded readings, simulated tracks"
     "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
+    row "V1_01 path, 137 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
 fi
 
 if [[ -x build/release/tests/vio_omnidirectional_table ]]; then
@@ -131,6 +132,7 @@ taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
 if [[ ${VIO_PAPER:-} ]]; then
     echo
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
+    tests/figures_batch.sh "$DATA"
     taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
     taskset -c 0 "$RUNS" table5 datasets/perspective_arm.ini 4
     taskset -c 0 "$RUNS" table6 datasets/perspective_arm.ini 4

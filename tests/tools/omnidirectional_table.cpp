@@ -50,8 +50,12 @@ void print(const char* name, const test::ArmErrors& e) {
 
 void print(const char* name, const PaperRow& row, const test::ArmErrors& e) {
     print(name, e);
-    std::printf("  %-34s %5.2f  / %5.2f   %5.1f / %5.1f   %+6.1f %%\n", "    paper", row.rotation,
-                row.rotation_max, row.position_cm, row.position_max_cm, row.scale_percent);
+    std::printf("  %-34s %5.2f  / %5.2f   %5.1f / %5.1f   ", "    paper", row.rotation,
+                row.rotation_max, row.position_cm, row.position_max_cm);
+    if (std::isnan(row.scale_percent))
+        std::printf("   N/A\n");
+    else
+        std::printf("%+6.1f %%\n", row.scale_percent);
 }
 
 }  // namespace
