@@ -117,11 +117,10 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
     row "V1_01 path, 137 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
 fi
 
-if [[ -x build/release/tests/vio_omnidirectional_table ]]; then
-    echo
-    echo "Table 8 of the paper: the omnidirectional arm, with the figures of the paper below each row"
-    taskset -c 0 build/release/tests/vio_omnidirectional_table datasets
-fi
+echo
+"$VIO_SLAM" reproduce table8 --seeds 1 --output "$OUT/table8" | sed -n '/^| experiment/,/^$/p'
+echo "Arm experiments, by what is known of the mirror's place"
+taskset -c 0 build/release/tests/vio_mirror_place datasets
 
 # The filter over seeds of simulated experiments.
 readonly RUNS=build/release/tests/vio_filter_runs
@@ -134,7 +133,5 @@ if [[ ${VIO_PAPER:-} ]]; then
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
     tests/figures_batch.sh "$DATA"
     taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
-    taskset -c 0 "$RUNS" table5 datasets/perspective_arm.ini 4
-    taskset -c 0 "$RUNS" table6 datasets/perspective_arm.ini 4
     taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100
 fi

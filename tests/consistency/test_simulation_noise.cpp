@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "libvio/imu/preintegration.h"
+#include "libvio/recursive/observation.h"
 #include "libvio/simulation/scenario.h"
 
 namespace vio {
@@ -32,14 +33,10 @@ ScenarioOptions few_images(int seed) {
     return options;
 }
 
-// 0.995 quantile of chi-square with n degrees of freedom (Wilson and Hilferty).
-double upper_bound(double n) {
-    const double c = 2 / (9 * n);
-    return n * std::pow(1 - c + 2.5758 * std::sqrt(c), 3);
-}
-double lower_bound(double n) {
-    const double c = 2 / (9 * n);
-    return n * std::pow(1 - c - 2.5758 * std::sqrt(c), 3);
+// Whether a chi-square variable lies in the middle 99 % of its distribution.
+bool inside_bounds(double chi2, int degrees) {
+    return chi2 >= chi_square_quantile(degrees, 0.005) &&
+           chi2 <= chi_square_quantile(degrees, 0.995);
 }
 
 TEST(TrackNoise, IsWhiteWithTheStatedCovarianceOver200Seeds) {
@@ -61,7 +58,7 @@ TEST(TrackNoise, IsWhiteWithTheStatedCovarianceOver200Seeds) {
                 if (k > 0) successive += e.dot(errors[k - 1]) / sigma, pairs += 1;
             }
         }
-        outside += sum < lower_bound(2 * n) || sum > upper_bound(2 * n) ? 1 : 0;
+        outside += inside_bounds(sum, 2 * static_cast<int>(n)) ? 0 : 1;
         squares += sum;
         count += n;
     }
@@ -130,7 +127,7 @@ TEST(ImuNoise, IntegratedReadingsHaveTheClaimedCovarianceOver200Seeds) {
         const Vector9d r = measured.residual(start, reached, {}, simulation.g_W());
         const double chi2 = r.dot(measured.covariance().ldlt().solve(r));
         squares += chi2;
-        outside += chi2 < lower_bound(9) || chi2 > upper_bound(9) ? 1 : 0;
+        outside += inside_bounds(chi2, 9) ? 0 : 1;
     }
     EXPECT_NEAR(squares, 9 * kSeeds, 4 * std::sqrt(2 * 9.0 * kSeeds));
     EXPECT_LE(outside, 8);

@@ -2,15 +2,11 @@
 //   vio_filter_runs compare SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs causal SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs consistency SCENARIO.ini [SEEDS] [ARGUMENT...]
-//   vio_filter_runs table5 | table6 SCENARIO.ini [SEEDS] [ARGUMENT...]
 // ARGUMENT: section.name=value of the scenario, of [iekf], [batch] or [told] (noise densities that
-// the estimators believe in); --no-batch leaves the batch
-// estimate out of compare. table5 and table6 are the paper's experiments on the perspective arm,
-// and print its values beside. Errors are after alignment by position and yaw (compare) or by
-// similarity (tables, as the paper's).
+// the estimators believe in); --no-batch leaves the batch estimate out of compare. Errors are after
+// alignment by position and yaw. The paper's tables: vio-slam reproduce.
 #include <chrono>
 #include <cstdio>
-#include <deque>
 
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/trajectory_io.h"
@@ -20,7 +16,6 @@
 
 namespace {
 
-using vio::AlignmentKind;
 using vio::Estimate;
 using vio::Matrix6d;
 using vio::Vector6d;
@@ -114,20 +109,17 @@ vio::BatchResult batch(const vio::Simulation& sim, const Setup& s, int images = 
     return vio::estimate_batch(problem, s.batch);
 }
 
-vio::Evaluation judged(const vio::Simulation& sim, const Estimate& estimate, AlignmentKind kind) {
+vio::Evaluation judged(const vio::Simulation& sim, const Estimate& estimate) {
     Estimate truth;
     truth.states = sim.truth();
     vio::EvaluationOptions options;
-    options.alignment = kind;
+    options.alignment = vio::AlignmentKind::kYawPosition;
     return vio::evaluate(trajectory(estimate), trajectory(truth), options);
 }
 
-// ---- compare
-// -----------------------------------------------------------------------------------
-
 void print_row(int seed, const char* name, const vio::Simulation& sim, const Estimate& estimate,
                double seconds, double* sum2) {
-    const vio::Evaluation e = judged(sim, estimate, AlignmentKind::kYawPosition);
+    const vio::Evaluation e = judged(sim, estimate);
     int lost = 0;
     for (const vio::StateEstimate& state : estimate.states) lost += state.lost;
     std::printf("%4d %-6s %9.2f %9.2f %9.2f %9.2f %7.0f %7d %8.2f\n", seed, name,
@@ -195,9 +187,6 @@ void causal(const Setup& s) {
     std::printf("root mean square: causal optimum %.2f cm, iekf %.2f cm\n",
                 100 * root(best2 / s.seeds), 100 * root(iekf2 / s.seeds));
 }
-
-// ---- consistency
-// -------------------------------------------------------------------------------
 
 // Pose NEES by image, mean over seeds, position and rotation apart. The estimate's world is tied to
 // its first pose, so the two worlds are brought together there.
@@ -272,124 +261,6 @@ void consistency(const Setup& s) {
     std::printf("position RMSE %.2f cm\n", 100 * root(squared_error / poses));
 }
 
-// ---- Tables 5 and 6
-// ----------------------------------------------------------------------------
-
-// Mean over the seeds of the average errors, as the paper's tables state them for its one
-// recording.
-struct Errors {
-    double rotation = 0, rotation_max = 0, translation = 0, translation_max = 0, scale = 0;
-    int failed = 0;
-};
-
-Errors errors_of(const std::deque<vio::Simulation>& sims, const Setup& s) {
-    Errors mean;
-    int good = 0;
-    for (const vio::Simulation& sim : sims) {
-        const Filtered f = filtered(sim, s);
-        if (f.estimate.states.size() < sim.truth().size() / 2) {
-            ++mean.failed;
-            continue;
-        }
-        const vio::Evaluation e = judged(sim, f.estimate, AlignmentKind::kSim3);
-        mean.rotation += e.rotation.mean;
-        mean.rotation_max += e.rotation.max;
-        mean.translation += 100 * e.position.mean;
-        mean.translation_max += 100 * e.position.max;
-        mean.scale += 100 * std::abs(e.scale_error.value_or(0));
-        ++good;
-    }
-    for (double* x : {&mean.rotation, &mean.rotation_max, &mean.translation, &mean.translation_max,
-                      &mean.scale})
-        *x /= std::max(1, good);
-    return mean;
-}
-
-std::string printed(const Errors& e, std::size_t runs) {
-    char text[120];
-    std::snprintf(text, sizeof text, "%5.3f/%5.3f %5.2f/%5.2f %5.1f", e.rotation, e.rotation_max,
-                  e.translation, e.translation_max, e.scale);
-    std::string result = text;
-    if (e.failed > 0)
-        result += "  (" + std::to_string(e.failed) + " of " + std::to_string(runs) + " failed)";
-    return result;
-}
-
-std::deque<vio::Simulation> simulations(const Setup& s) {
-    std::deque<vio::Simulation> sims;
-    for (int seed = 0; seed < s.seeds; ++seed) sims.emplace_back(scenario(s, seed));
-    return sims;
-}
-
-constexpr const char* kColumns = "rotation rad, translation cm (average/maximum), |scale error| %";
-
-void table5(Setup s) {
-    struct Paper {
-        double rotation, translation, scale;
-    };
-    constexpr Paper kPaper[5][5] = {
-        {{.25, 8.4, -3.0}, {.12, 4.2, -3.1}, {.11, 4.0, -2.8}, {.10, 3.4, 0.6}, {.12, 3.5, -0.3}},
-        {{.25, 8.3, -1.3}, {.13, 4.2, -2.9}, {.11, 3.9, -2.6}, {.10, 3.5, 0.9}, {.12, 3.6, -0.1}},
-        {{.4, 14.0, 16.7}, {.14, 3.8, -4.3}, {.13, 3.5, -4.7}, {.10, 3.5, -0.07}, {.11, 4.0, 1.3}},
-        {{0, 0, 0}, {.22, 5.0, -8.1}, {.20, 5.1, -9.2}, {.13, 3.6, -3.0}, {.26, 10.7, -24.0}},
-        {{.30, 13.0, 1.4},
-         {.32, 14.3, 8.7},
-         {.18, 5.8, -7.6},
-         {.13, 4.0, -2.5},
-         {.54, 13.4, 14.9}}};
-    const std::deque<vio::Simulation> sims = simulations(s);
-    s.iekf.prefix_images = 40;
-    std::printf("Table 5: %s; mean over %d seeds\n", kColumns, s.seeds);
-    s.iekf.motion = "imu_driven";
-    std::printf("imu_driven (no variances to choose)  %s\n",
-                printed(errors_of(sims, s), sims.size()).c_str());
-    s.iekf.motion = "smooth";
-    std::printf("%8s %8s | %-32s | paper (one recording)\n", "omega", "a", "smooth");
-    int compared = 0, good = 0;
-    for (int i = 0; i < 5; ++i)
-        for (int j = 0; j < 5; ++j) {
-            s.iekf.angular_rate_variance = std::pow(10.0, 2 * i - 2);
-            s.iekf.acceleration_variance = std::pow(10.0, 2 * j - 2);
-            const Errors e = errors_of(sims, s);
-            const Paper& p = kPaper[i][j];
-            std::printf("%8.0e %8.0e | %-32s | ", s.iekf.angular_rate_variance,
-                        s.iekf.acceleration_variance, printed(e, sims.size()).c_str());
-            if (p.translation > 0) {
-                const bool as_good = e.rotation <= p.rotation && e.translation <= p.translation;
-                ++compared;
-                good += as_good;
-                std::printf("%5.2f %6.1f %6.1f%s\n", p.rotation, p.translation, p.scale,
-                            as_good ? "" : "  <- better");
-            } else {
-                std::printf("  N/A\n");
-            }
-            std::fflush(stdout);
-        }
-    std::printf("smooth at least as good as the paper in %d of %d cells\n", good, compared);
-}
-
-void table6(Setup s) {
-    constexpr const char* kPaper[] = {"1.21/1.39 15.7/42.2 -47.8", "0.22/0.26  5.7/6.9   20.0",
-                                      "0.10/0.15  3.4/4.5    0.6", "0.10/0.16  2.7/3.7   -4.2",
-                                      "0.08/0.12  2.1/2.8   -3.2"};
-    const std::deque<vio::Simulation> sims = simulations(s);
-    s.iekf.angular_rate_variance = 1e-2;
-    s.iekf.acceleration_variance = 1e4;
-    std::printf("Table 6: %s; mean over %d seeds\n", kColumns, s.seeds);
-    std::printf("%6s | %-32s | %-32s | paper (one recording)\n", "images", "smooth", "imu_driven");
-    for (int i = 0; i < 5; ++i) {
-        s.iekf.prefix_images = 20 + 10 * i;
-        std::string cells[2];
-        for (int k = 0; k < 2; ++k) {
-            s.iekf.motion = k == 0 ? "smooth" : "imu_driven";
-            cells[k] = printed(errors_of(sims, s), sims.size());
-        }
-        std::printf("%6d | %-32s | %-32s | %s\n", s.iekf.prefix_images, cells[0].c_str(),
-                    cells[1].c_str(), kPaper[i]);
-        std::fflush(stdout);
-    }
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -402,10 +273,6 @@ int main(int argc, char** argv) {
             causal(s);
         else if (command == "consistency")
             consistency(s);
-        else if (command == "table5")
-            table5(s);
-        else if (command == "table6")
-            table6(s);
         else
             throw vio::InputError(command + ": no such command");
     } catch (const std::exception& error) {
