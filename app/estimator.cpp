@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include "libvio/io/results.h"
 #include "libvio/io/text.h"
@@ -48,7 +49,7 @@ class Batch final : public Estimator {
     void finish() override {
         if (starter_) {
             starter_->finish();
-            start_ = starter_->estimate();
+            start_ = starter_->take();
         }
         if (start_ && start_->states.empty())
             result_.report.reason = "the recursive estimator gave no start";
@@ -56,7 +57,7 @@ class Batch final : public Estimator {
             result_ = estimate_batch(problem_, options_, start_);
     }
 
-    const Estimate& estimate() const override { return result_.estimate; }
+    Estimate take() override { return std::exchange(result_.estimate, {}); }
     std::string report() const override {
         const BatchReport& r = result_.report;
         std::ostringstream text;
@@ -91,15 +92,20 @@ class Recursive final : public Estimator {
     void add(const FeatureFrame& frame) override { filter_.add(frame); }
     void finish() override { filter_.finish(); }
 
-    const Estimate& estimate() const override { return filter_.estimate(); }
+    Estimate take() override {
+        Estimate piece = filter_.take();
+        started_ = started_ || !piece.states.empty();
+        return piece;
+    }
     std::string report() const override { return ""; }
     std::vector<StatusEntry> events() const override { return filter_.status(); }
-    bool converged() const override { return !filter_.estimate().states.empty(); }
+    bool converged() const override { return started_; }
     int iterations() const override { return 0; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
 
  private:
     Iekf filter_;
+    bool started_ = false;
 };
 
 }  // namespace

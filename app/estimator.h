@@ -20,7 +20,9 @@ class Estimator {
     /// Call once after the last measurement; throws InputError where nothing can be estimated.
     virtual void finish() = 0;
 
-    virtual const Estimate& estimate() const = 0;
+    /// What has become final since the last call (Iekf::take); all of it after finish(), for the
+    /// batch estimator only then.
+    virtual Estimate take() = 0;
     /// How the minimisation went, in words; empty for the filter, whose events tell.
     virtual std::string report() const = 0;
     /// What happened on the way: starts, losses of track.

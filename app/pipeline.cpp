@@ -2,13 +2,14 @@
 
 #include <array>
 #include <chrono>
+#include <deque>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
 #include "app/estimator.h"
-#include "app/picture.h"
 #include "app/progress.h"
-#include "libvio/evaluation/metrics.h"
+#include "app/run_output.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/tracking/front_end.h"
@@ -83,8 +84,10 @@ class Repeats {
 // them: it is held back until readings reach it, and dropped if they never do.
 class Feeder {
  public:
-    Feeder(Estimator& estimator, const RunRequest& request, const Rig& rig, RunReport& report)
+    Feeder(Estimator& estimator, RunOutput& output, const RunRequest& request, const Rig& rig,
+           RunReport& report)
         : estimator_(estimator),
+          output_(output),
           use_imu_(request.use_imu),
           time_offset_(from_seconds(rig.time_offset)),
           report_(report) {}
@@ -105,37 +108,37 @@ class Feeder {
 
     void finish() {
         report_.dropped_images += static_cast<int>(waiting_.size());
-        if (!passed_.empty()) report_.duration_s = to_seconds(passed_.back().t - passed_.front().t);
-        report_.images = static_cast<int>(passed_.size());
+        report_.duration_s = to_seconds(last_passed_ - first_passed_);
     }
-
-    const std::vector<FeatureFrame>& passed() const { return passed_; }
 
  private:
     void release() {
         FeatureFrame frame = std::move(waiting_.front());
-        waiting_.erase(waiting_.begin());
+        waiting_.pop_front();
         if (use_imu_ && frame.t + time_offset_ < *first_reading_) {
             ++report_.dropped_images;
             return;
         }
+        if (report_.images++ == 0) first_passed_ = frame.t;
+        last_passed_ = frame.t;
+        output_.add(frame);
         estimator_.add(frame);
-        passed_.push_back(std::move(frame));
     }
 
     Estimator& estimator_;
+    RunOutput& output_;
     bool use_imu_;
     TimeNs time_offset_;
     RunReport& report_;
     std::optional<TimeNs> first_reading_;
     TimeNs last_reading_ = 0;
-    std::vector<FeatureFrame> waiting_;  // in order of time
-    std::vector<FeatureFrame> passed_;
+    TimeNs first_passed_ = 0, last_passed_ = 0;
+    std::deque<FeatureFrame> waiting_;  // in order of time
 };
 
 // Reads to the end of the file, or to where it is damaged.
 void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator& estimator,
-                    Feeder& feeder, Part part, RunReport& report) {
+                    Feeder& feeder, RunOutput& output, Part part, RunReport& report) {
     const auto next = [&] {
         return timed(report.input_output_s, [&] { return recording.next(); });
     };
@@ -160,6 +163,7 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
                 timed(report.estimation_s, [&] { feeder.add(*reading); });
             feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
             front_end.end_tracks(estimator.take_rejected());
+            timed(report.input_output_s, [&] { output.add(estimator.take()); });
             progress.update(recording.progress());
         }
     } catch (const InputError& damage) {
@@ -169,12 +173,11 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
     feeder.finish();
 }
 
-void summarise(const Estimate& estimate, RunReport& report) {
-    report.has_scale = estimate.has_scale;
-    report.poses = static_cast<int>(estimate.states.size());
-    report.landmarks = static_cast<int>(estimate.landmarks.size());
-    for (const StateEstimate& state : estimate.states) report.lost_poses += state.lost;
-    report.path_length = path_length(trajectory(estimate));
+void summarise(const WrittenPath& written, RunReport& report) {
+    report.poses = written.poses;
+    report.lost_poses = written.lost_poses;
+    report.landmarks = written.landmarks;
+    report.path_length = written.length;
 }
 
 InputError no_pose(const RunRequest& request, const RunReport& report) {
@@ -199,7 +202,6 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
     json["repeated_messages"] = report.repeated_messages;
-    json["lost_poses"] = report.lost_poses;
     json["input_output_s"] = report.input_output_s;
     json["tracking_s"] = report.tracking_s;
     json["estimation_s"] = report.estimation_s;
@@ -207,17 +209,6 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
         json["real_time_ratio"] = report.duration_s / (report.tracking_s + report.estimation_s);
     if (!report.damage.empty()) json["damage"] = report.damage;
     return json;
-}
-
-void write(const Estimator& estimator, const Rig& rig, const Feeder& feeder,
-           const RunRequest& request, const RunReport& report) {
-    OptionSet options;
-    PipelineOptions effective = request.options;
-    effective.describe(options);
-    write_results(request.output,
-                  {estimator.estimate(), rig, select_keyframes(feeder.passed()), options.to_ini(),
-                   to_json(report, request)},
-                  request.overwrite);
 }
 
 }  // namespace
@@ -238,21 +229,21 @@ RunReport run_pipeline(const RunRequest& request) {
     check_sensors(recording, request);
     TrackingFrontEnd front_end(request.options.tracker, recording.rig(), request.use_imu);
     const auto estimator = make_estimator(request, recording.rig());
-    Feeder feeder(*estimator, request, recording.rig(), report);
+    RunOutput output(request, recording.rig());
+    Feeder feeder(*estimator, output, request, recording.rig(), report);
 
-    read_and_track(recording, front_end, *estimator, feeder, Part(request), report);
+    read_and_track(recording, front_end, *estimator, feeder, output, Part(request), report);
     timed(report.estimation_s, [&] { estimator->finish(); });
+    timed(report.input_output_s, [&] { output.add(estimator->take()); });
     report.estimator_says = estimator->report();
     report.events = estimator->events();
     report.converged = estimator->converged();
     report.iterations = estimator->iterations();
-    if (estimator->estimate().states.empty()) throw no_pose(request, report);
-    summarise(estimator->estimate(), report);
-    timed(report.input_output_s,
-          [&] { write(*estimator, recording.rig(), feeder, request, report); });
-    report.picture_problem = timed(report.picture_s, [&] {
-        return write_picture(estimator->estimate(), recording.rig(), truth, request.output);
-    });
+    if (output.written().poses == 0) throw no_pose(request, report);
+    report.has_scale = output.has_scale();
+    timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });
+    summarise(output.written(), report);
+    report.picture_problem = timed(report.picture_s, [&] { return output.draw(truth); });
     return report;
 }
 

@@ -5,10 +5,21 @@
 
 namespace vio {
 
-LandmarkColours::LandmarkColours(const std::vector<LandmarkEstimate>& landmarks) {
-    if (landmarks.empty()) return;
+namespace {
+
+std::vector<double> distances_of(const std::vector<LandmarkEstimate>& landmarks) {
     std::vector<double> distances;
     for (const LandmarkEstimate& landmark : landmarks) distances.push_back(landmark.p_W.norm());
+    return distances;
+}
+
+}  // namespace
+
+LandmarkColours::LandmarkColours(const std::vector<LandmarkEstimate>& landmarks)
+    : LandmarkColours(distances_of(landmarks)) {}
+
+LandmarkColours::LandmarkColours(std::vector<double> distances) {
+    if (distances.empty()) return;
     const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
     scale_ = std::max(*middle, 1e-12);

@@ -13,6 +13,8 @@ namespace vio {
 class LandmarkColours {
  public:
     explicit LandmarkColours(const std::vector<LandmarkEstimate>& landmarks);
+    /// The same from the distances of the landmarks from W's origin [m].
+    explicit LandmarkColours(std::vector<double> distances);
     Eigen::Vector3i rgb(const LandmarkEstimate& landmark) const;  ///< 0 to 255 each
 
  private:

@@ -1,20 +1,11 @@
 #include "libvio/io/results.h"
 
-#include <mrpt/maps/CSimpleMap.h>
-#include <mrpt/maps/CSimplePointsMap.h>
-#include <mrpt/obs/CSensoryFrame.h>
-#include <mrpt/poses/CPose3DPDFGaussian.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <set>
-#include <sstream>
 
 #include "libvio/io/calibration_file.h"
-#include "libvio/io/landmark_colour.h"
-#include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/results_writer.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
 
@@ -25,144 +16,6 @@ namespace fs = std::filesystem;
 
 std::string path_in(const std::string& folder, const std::string& name) {
     return (fs::path(folder) / name).string();
-}
-
-Matrix6d pose_covariance(const StateEstimate& state) {
-    return state.covariance.topLeftCorner<6, 6>();
-}
-
-double path_length(const Estimate& estimate) {
-    double length = 0;
-    for (size_t i = 1; i < estimate.states.size(); ++i)
-        length += (estimate.states[i].T_W_B.p - estimate.states[i - 1].T_W_B.p).norm();
-    return length;
-}
-
-std::string covariance_text(const Estimate& estimate) {
-    std::string text =
-        "# Covariance of each pose T_W_B: t[s], then the upper triangle, row by row, of the 6x6\n"
-        "# matrix of (rotation xyz [rad], perturbed on the right, in B; position xyz [m], in W)\n";
-    for (const StateEstimate& state : estimate.states) {
-        text += format_seconds(state.t);
-        for (int r = 0; r < 6; ++r)
-            for (int c = r; c < 6; ++c) text += ' ' + format(state.covariance(r, c));
-        text += '\n';
-    }
-    return text;
-}
-
-std::string states_text(const Estimate& estimate) {
-    std::string text =
-        "# Velocity of B's origin and gravity in W, biases in I, each with its 1-sigma.\n# t[s]";
-    const auto name = [&](const std::string& quantity, const std::string& unit) {
-        for (const char* prefix : {"", "sigma_"})
-            for (const char* axis : {"x", "y", "z"})
-                text += std::string(",").append(prefix).append(quantity).append(axis).append(unit);
-    };
-    name("v_", "[m/s]");
-    name("gyro_bias_", "[rad/s]");
-    name("accel_bias_", "[m/s^2]");
-    name("gravity_", "[m/s^2]");
-    text += ",lost[0|1],features\n";
-    const auto add = [&](const Eigen::Vector3d& value, const Eigen::Vector3d& variance) {
-        for (int k = 0; k < 3; ++k) text += ',' + format(value(k));
-        for (int k = 0; k < 3; ++k) text += ',' + format(std::sqrt(std::max(0.0, variance(k))));
-    };
-    const Eigen::Vector3d gravity_variance = estimate.gravity_covariance.diagonal();
-    for (const StateEstimate& s : estimate.states) {
-        const Eigen::Matrix<double, 15, 1> variance = s.covariance.diagonal();
-        text += format_seconds(s.t);
-        add(s.v_W, variance.segment<3>(kVelocity));
-        add(s.gyro_bias, variance.segment<3>(kGyroBias));
-        add(s.accel_bias, variance.segment<3>(kAccelBias));
-        add(estimate.g_W, gravity_variance);
-        text += std::string(s.lost ? ",1," : ",0,") + std::to_string(s.features) + '\n';
-    }
-    return text;
-}
-
-std::string landmarks_ply(const Estimate& estimate) {
-    std::ostringstream out;
-    out << "ply\nformat ascii 1.0\n"
-           "comment landmarks in W [m]; covariance of the position [m^2]; colour by uncertainty\n"
-        << "element vertex " << estimate.landmarks.size() << "\n";
-    for (const char* name : {"x", "y", "z"}) out << "property double " << name << "\n";
-    for (const char* name : {"red", "green", "blue"}) out << "property uchar " << name << "\n";
-    out << "property int id\nproperty int observations\n";
-    for (const char* name : {"xx", "xy", "xz", "yy", "yz", "zz"})
-        out << "property double covariance_" << name << "\n";
-    out << "end_header\n";
-    const LandmarkColours colours(estimate.landmarks);
-    for (const LandmarkEstimate& l : estimate.landmarks) {
-        for (int k = 0; k < 3; ++k) out << format(l.p_W(k)) << ' ';
-        out << colours.rgb(l).transpose() << ' ' << l.id << ' ' << l.observations;
-        for (int r = 0; r < 3; ++r)
-            for (int c = r; c < 3; ++c) out << ' ' << format(l.covariance(r, c));
-        out << '\n';
-    }
-    return out.str();
-}
-
-void write_point_map(const std::string& file, const Estimate& estimate) {
-    mrpt::maps::CSimplePointsMap map;
-    for (const LandmarkEstimate& l : estimate.landmarks)
-        map.insertPoint(static_cast<float>(l.p_W.x()), static_cast<float>(l.p_W.y()),
-                        static_cast<float>(l.p_W.z()));
-    if (!map.save3D_to_text_file(file)) throw InputError(file + ": cannot be written");
-}
-
-// MRPT's own writer rounds to micrometres and gives no header; its reader takes both.
-std::string interpolator_text(const Estimate& estimate) {
-    std::string text = "% T_W_B: t[s] x[m] y[m] z[m] yaw[rad] pitch[rad] roll[rad]\n";
-    for (const StateEstimate& state : estimate.states) {
-        const auto pose = to_mrpt(state.T_W_B);
-        text += format_seconds(state.t);
-        for (const double value :
-             {pose.x(), pose.y(), pose.z(), pose.yaw(), pose.pitch(), pose.roll()})
-            text += ' ' + format(value);
-        text += '\n';
-    }
-    return text;
-}
-
-void write_simplemap(const std::string& file, const Results& results) {
-    register_mrpt_classes();
-    mrpt::maps::CSimpleMap map;
-    const auto& states = results.estimate.states;
-    for (const FeatureFrame& frame : results.keyframes) {
-        const auto state =
-            std::lower_bound(states.begin(), states.end(), frame.t,
-                             [](const StateEstimate& s, TimeNs t) { return s.t < t; });
-        if (state == states.end() || state->t != frame.t) continue;
-        auto features = std::make_shared<CObservationFeatures>(to_mrpt(frame));
-        features->cameraPose = to_mrpt(results.rig.T_B_C);
-        features->cameraParams = to_mrpt(results.rig.camera);
-        features->sensorLabel = "camera";
-        auto sensors = mrpt::obs::CSensoryFrame::Create();
-        sensors->insert(features);
-        map.insert(
-            mrpt::poses::CPose3DPDFGaussian::Create(to_mrpt(state->T_W_B, pose_covariance(*state))),
-            sensors);
-    }
-    if (!map.saveToFile(file)) throw InputError(file + ": cannot be written");
-}
-
-nlohmann::json summary(const Results& results) {
-    const Estimate& estimate = results.estimate;
-    nlohmann::json json = results.summary;
-    json["images"] = estimate.states.size();
-    json["landmarks"] = estimate.landmarks.size();
-    json["duration_s"] = estimate.states.empty()
-                             ? 0.0
-                             : to_seconds(estimate.states.back().t - estimate.states.front().t);
-    json["path_length_m"] = path_length(estimate);
-    json["gravity"] = {estimate.g_W.x(), estimate.g_W.y(), estimate.g_W.z()};
-    std::vector<double> covariance;
-    for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < 3; ++c) covariance.push_back(estimate.gravity_covariance(r, c));
-    json["gravity_covariance"] = covariance;
-    json["has_scale"] = estimate.has_scale;
-    return json;
 }
 
 // Looks up the state of a stamp while both go forward in time.
@@ -261,22 +114,10 @@ void check_results_folder(const std::string& folder, bool overwrite) {
 }
 
 void write_results(const std::string& folder, const Results& results, bool overwrite) {
-    check_results_folder(folder, overwrite);
-    const Estimate& estimate = results.estimate;
-    const auto file = [&](const char* name) { return path_in(folder, name); };
-    write_text(file("options.ini"), results.options_ini);
-    write_text(file("calibration.ini"), calibration_text(results.rig));
-    write_text(file("trajectory_cov.txt"), covariance_text(estimate));
-    write_text(file("states.csv"), states_text(estimate));
-    write_text(file("landmarks.ply"), landmarks_ply(estimate));
-    write_complete(file("landmarks.txt"),
-                   [&](const std::string& temporary) { write_point_map(temporary, estimate); });
-    write_text(file("trajectory.txt"), interpolator_text(estimate));
-    write_complete(file("keyframes.simplemap"),
-                   [&](const std::string& temporary) { write_simplemap(temporary, results); });
-    write_text(file("summary.json"), summary(results).dump(2) + "\n");
-    // Last, since its presence says that the folder holds results.
-    write_tum(file("trajectory.tum"), trajectory(estimate), "T_W_B, estimate");
+    ResultsWriter writer(folder, results.rig, results.options_ini, overwrite);
+    for (const FeatureFrame& frame : results.keyframes) writer.add_keyframe(frame);
+    writer.add(results.estimate);
+    writer.finish(results.summary);
 }
 
 Estimate read_results(const std::string& folder) {
@@ -307,24 +148,17 @@ Rig read_results_rig(const std::string& folder) {
     return rig;
 }
 
-std::vector<FeatureFrame> select_keyframes(const std::vector<FeatureFrame>& frames,
-                                           double overlap) {
-    std::vector<FeatureFrame> keyframes;
-    std::set<FeatureId> known;
-    for (size_t i = 0; i < frames.size(); ++i) {
-        const auto& features = frames[i].features;
-        const auto shared =
-            std::count_if(features.begin(), features.end(),
-                          [&](const FeatureObservation& f) { return known.count(f.feature_id); });
-        const bool last = i + 1 == frames.size();
-        if (!keyframes.empty() && !last &&
-            static_cast<double>(shared) >= overlap * static_cast<double>(known.size()))
-            continue;
-        keyframes.push_back(frames[i]);
-        known.clear();
-        for (const FeatureObservation& f : features) known.insert(f.feature_id);
-    }
-    return keyframes;
+bool KeyframeSelector::takes(const FeatureFrame& frame) {
+    const auto& features = frame.features;
+    const auto shared =
+        std::count_if(features.begin(), features.end(),
+                      [&](const FeatureObservation& f) { return known_.count(f.feature_id); });
+    if (any_ && static_cast<double>(shared) >= overlap_ * static_cast<double>(known_.size()))
+        return false;
+    any_ = true;
+    known_.clear();
+    for (const FeatureObservation& f : features) known_.insert(f.feature_id);
+    return true;
 }
 
 }  // namespace vio

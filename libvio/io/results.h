@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,7 @@ namespace vio {
 struct Results {
     Estimate estimate;
     Rig rig;                              ///< stored with the key-frames
-    std::vector<FeatureFrame> keyframes;  ///< frames for keyframes.simplemap (see select_keyframes)
+    std::vector<FeatureFrame> keyframes;  ///< frames for keyframes.simplemap (KeyframeSelector)
     std::string options_ini;              ///< text of options.ini (OptionSet::to_ini)
     /// Caller's part of summary.json (an object). The writer adds images, landmarks, duration_s,
     /// path_length_m, gravity and has_scale.
@@ -25,10 +26,9 @@ struct Results {
 /// made, or it holds results already and overwrite is false. Call before long work.
 void check_results_folder(const std::string& folder, bool overwrite);
 
-/// Writes trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv, landmarks.ply,
-/// landmarks.txt, keyframes.simplemap, options.ini, calibration.ini and summary.json into the
-/// folder (made if missing; other files in it are left alone). Each file appears complete or not at
-/// all. Formats: share/formats.md. Throws as check_results_folder does, and if the disk is full.
+/// Writes the whole folder (made if missing; other files in it are left alone); results that come
+/// piece by piece: ResultsWriter. Formats: share/formats.md. Throws as check_results_folder does,
+/// and if the disk is full.
 void write_results(const std::string& folder, const Results& results, bool overwrite = false);
 
 /// Reads an estimate back from trajectory.tum (required), trajectory_cov.txt, states.csv,
@@ -41,9 +41,18 @@ Estimate read_results(const std::string& folder);
 /// no such file. Throws as load_calibration().
 Rig read_results_rig(const std::string& folder);
 
-/// Frames that follow the motion: the first, every one that shares less than `overlap` of its
-/// features with the key-frame before, and the last.
-std::vector<FeatureFrame> select_keyframes(const std::vector<FeatureFrame>& frames,
-                                           double overlap = 0.6);
+/// Picks frames that follow the motion: the first, and every one that shares less than a part of
+/// the features of the key-frame before.
+class KeyframeSelector {
+ public:
+    explicit KeyframeSelector(double overlap = 0.6) : overlap_(overlap) {}
+    /// Whether the next frame is a key-frame.
+    bool takes(const FeatureFrame& frame);
+
+ private:
+    double overlap_;
+    bool any_ = false;
+    std::set<FeatureId> known_;
+};
 
 }  // namespace vio

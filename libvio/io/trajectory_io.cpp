@@ -110,17 +110,23 @@ std::vector<TimedPose> trajectory(const Estimate& estimate) {
     return poses;
 }
 
+std::string tum_header(const std::string& frames) {
+    return "# " + frames + ": t[s] x[m] y[m] z[m] qx qy qz qw\n";
+}
+
+std::string tum_row(const TimedPose& pose) {
+    Eigen::Quaterniond q(pose.T_W_B.R);
+    if (q.w() < 0) q.coeffs() *= -1;
+    std::string text = format_seconds(pose.t);
+    for (int i = 0; i < 3; ++i) text += " " + format(pose.T_W_B.p(i));
+    for (int i = 0; i < 4; ++i) text += " " + format(q.coeffs()(i));
+    return text + "\n";
+}
+
 void write_tum(const std::string& file, const std::vector<TimedPose>& poses,
                const std::string& frames) {
-    std::string text = "# " + frames + ": t[s] x[m] y[m] z[m] qx qy qz qw\n";
-    for (const TimedPose& pose : poses) {
-        Eigen::Quaterniond q(pose.T_W_B.R);
-        if (q.w() < 0) q.coeffs() *= -1;
-        text += format_seconds(pose.t);
-        for (int i = 0; i < 3; ++i) text += " " + format(pose.T_W_B.p(i));
-        for (int i = 0; i < 4; ++i) text += " " + format(q.coeffs()(i));
-        text += "\n";
-    }
+    std::string text = tum_header(frames);
+    for (const TimedPose& pose : poses) text += tum_row(pose);
     write_text(file, text);
 }
 

@@ -30,5 +30,8 @@ std::vector<TimedPose> trajectory(const Estimate& estimate);
 /// The file appears complete or not at all. Throws InputError if it cannot be written.
 void write_tum(const std::string& file, const std::vector<TimedPose>& poses,
                const std::string& frames);
+/// The parts of such a text, for one that grows.
+std::string tum_header(const std::string& frames);
+std::string tum_row(const TimedPose& pose);
 
 }  // namespace vio

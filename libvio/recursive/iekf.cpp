@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -90,7 +91,7 @@ struct Iekf::Impl {
         drop_lost_points();
         use_window_points();
         judge(image.frame.t);
-        report(image.frame.t);
+        report(image.frame.t, used);
     }
 
     // ---- Steps ---------------------------------------------------------------------------------
@@ -107,7 +108,7 @@ struct Iekf::Impl {
     void use_window_points();
     void release(int slot);
     void judge(TimeNs t);
-    void report(TimeNs t);
+    void report(TimeNs t, int features);
     void note_landmark(int idx);
     void give_up(const std::vector<bool>& remove);
     void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
@@ -141,6 +142,7 @@ struct Iekf::Impl {
     TimeNs last_good = 0;
     bool lost = false;
 
+    TimeNs last_report = std::numeric_limits<TimeNs>::min();
     Estimate result;
     std::map<FeatureId, LandmarkEstimate> landmark_estimates;
     std::vector<StatusEntry> status;
@@ -159,6 +161,7 @@ void Iekf::Impl::take(const ImuReading& reading) {
         const TimeNs since = last_reading ? last_reading->t : now.t;
         motion->measure(*state, reading, to_seconds(reading.t - since));
         now = reading;
+        if (options.output == "readings") report(camera_time(reading.t), 0);
     } else if (!given_start) {
         prefix.add(reading);
     }
@@ -198,6 +201,7 @@ void Iekf::Impl::start_from_prefix(const ImuReading* next) {
     ImuReading at{t_imu, Vector3d::Zero(), Vector3d::Zero()};
     if (last_reading) at = between(*last_reading, next ? *next : *last_reading, t_imu);
     result.states.insert(result.states.end(), start->states.begin(), start->states.end());
+    last_report = start->states.back().t;
     begin(start->tail, at);
     log(t, "started from a prefix of " + std::to_string(start->states.size()) + " images with " +
                std::to_string(start->tail.landmarks.size()) + " points");
@@ -344,7 +348,10 @@ void Iekf::Impl::judge(TimeNs t) {
     lost = now_lost;
 }
 
-void Iekf::Impl::report(TimeNs t) {
+// Adds the state to the result, once for each time.
+void Iekf::Impl::report(TimeNs t, int features) {
+    if (t <= last_report) return;
+    last_report = t;
     const Vector3d omega_I = !use_imu ? Vector3d(Vector3d::Zero())
                              : state->core_size() == static_cast<int>(CoreKind::smooth)
                                  ? state->core().omega_I
@@ -357,8 +364,12 @@ void Iekf::Impl::report(TimeNs t) {
     out.covariance = (J * out.covariance * J.transpose()).eval();
     out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
     out.lost = lost;
-    out.features = used;
+    out.features = features;
     result.states.push_back(out);
+    if (state->core_size() > kGravity) {
+        result.g_W = state->core().g_W;
+        result.gravity_covariance = state->core_covariance().block<3, 3>(kGravity, kGravity);
+    }
 }
 
 // Notes a landmark's estimate for the result.
@@ -411,6 +422,7 @@ void Iekf::finish() {
     // A recording shorter than a prefix has at least its batch estimate.
     if (!impl_->state && !impl_->given_start && impl_->prefix.images() >= kShortestPrefix)
         impl_->start_from_prefix(nullptr);
+    if (impl_->state) impl_->give_up(std::vector<bool>(impl_->state->landmarks().size(), true));
     if (impl_->queue.dropped() > 0)
         impl_->log(impl_->camera_time(impl_->now.t),
                    std::to_string(impl_->queue.dropped()) +
@@ -425,6 +437,18 @@ const Estimate& Iekf::estimate() const {
     for (const auto& [id, landmark] : impl_->landmark_estimates)
         result.landmarks.push_back(landmark);
     return result;
+}
+
+Estimate Iekf::take() {
+    Estimate& result = impl_->result;
+    result.landmarks.clear();
+    for (const auto& [id, landmark] : impl_->landmark_estimates)
+        result.landmarks.push_back(landmark);
+    impl_->landmark_estimates.clear();
+    Estimate taken = result;
+    result.states.clear();
+    result.landmarks.clear();
+    return taken;
 }
 
 std::vector<FeatureId> Iekf::take_rejected() {

@@ -38,6 +38,7 @@ struct IekfOptions {
     int min_features = 3;             ///< fewer used ones do not hold the motion
     double lost_after_seconds = 0.5;  ///< [s]
     double message_window = 0.1;      ///< [s]
+    std::string output = "images";    ///< images | readings: at which there is a state
 
     void describe(OptionSet& options);
 };
@@ -69,8 +70,11 @@ class Iekf {
     void finish();
 
     /// States at all images so far (those of the prefix from its batch estimate), and every
-    /// landmark that was ever in the state with its last estimate.
+    /// landmark that was ever in the state with its last estimate; without what was taken.
     const Estimate& estimate() const;
+    /// What has become final since the last call: states, and landmarks that have left the state;
+    /// after finish() the others too. Memory is bounded if this is called again and again.
+    Estimate take();
 
     /// Features given up since the last call because their innovations failed the gate again and
     /// again: their tracks are wrong.

@@ -43,6 +43,8 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("lost_after_seconds", &lost_after_seconds, "s", {0, 60}, "that while");
     options.add("message_window", &message_window, "s", {0, 10},
                 "measurements may come late by this much");
+    options.add("output", &output, {"images", "readings"},
+                "a state at every image, or at every inertial reading too");
 }
 
 }  // namespace vio

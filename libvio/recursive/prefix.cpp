@@ -34,6 +34,7 @@ Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& b
       next_attempt_(options.prefix_images) {}
 
 void Prefix::add(const ImuReading& reading) {
+    if (frames_.empty()) readings_.clear();  // one before the first image is enough
     readings_.push_back(reading);
 }
 

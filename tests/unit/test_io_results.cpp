@@ -9,6 +9,8 @@
 #include "libvio/camera/perspective.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/results.h"
+#include "libvio/io/results_writer.h"
+#include "libvio/io/text.h"
 #include "tests/unit/scratch_folder.h"
 
 namespace vio {
@@ -114,17 +116,53 @@ TEST(Results, NameTheFileThatIsWrong) {
     }
 }
 
-TEST(SelectKeyframes, TakesTheFirstTheLastAndWhereTheViewHasChanged) {
-    std::vector<FeatureFrame> frames;
+TEST(KeyframeSelector, TakesTheFirstAndWhereTheViewHasChanged) {
+    KeyframeSelector selector(0.6);
+    std::vector<TimeNs> taken;
     for (int i = 0; i < 10; ++i) {
         FeatureFrame frame{i, {}};
         for (int k = 0; k < 10; ++k)
             frame.features.push_back({i + k, {0, 0}, Eigen::Matrix2d::Identity()});
-        frames.push_back(frame);
+        if (selector.takes(frame)) taken.push_back(frame.t);
     }
-    const auto keyframes = select_keyframes(frames, 0.6);
-    ASSERT_EQ(keyframes.size(), 3u);  // 0; 5, the first with fewer than six of ten in common; 9
-    EXPECT_EQ(keyframes[1].t, 5);
+    // 5: the first with fewer than six of ten in common.
+    EXPECT_EQ(taken, (std::vector<TimeNs>{0, 5}));
+}
+
+// Read at any moment the files hold what has come until then, and the whole is the same whether it
+// came at once or in pieces.
+TEST(ResultsWriter, GrowsByValidRowsToTheSameFiles) {
+    const test::ScratchFolder scratch;
+    const Results results = made_results();
+    write_results(scratch / "whole", results);
+    ResultsWriter writer(scratch / "pieces", results.rig, results.options_ini, false);
+    EXPECT_FALSE(std::filesystem::exists(scratch / "pieces/trajectory.tum"));
+    Estimate piece = results.estimate;
+    for (size_t i = 0; i < results.estimate.states.size(); ++i) {
+        writer.add_keyframe(results.keyframes[i]);
+        piece.states = {results.estimate.states[i]};
+        // Landmarks come when the estimator lets go of them, some a second time.
+        piece.landmarks.clear();
+        if (i == 0) piece.landmarks = {{14, {9, 9, 9}, Eigen::Matrix3d::Identity(), 1}};
+        if (i == 2) piece.landmarks = {results.estimate.landmarks[2]};
+        if (i == 3)
+            piece.landmarks = {results.estimate.landmarks[0], results.estimate.landmarks[1]};
+        writer.add(piece);
+        const Estimate back = read_results(scratch / "pieces");
+        ASSERT_EQ(back.states.size(), i + 1);
+        EXPECT_EQ(back.states.back().lost, results.estimate.states[i].lost);
+        EXPECT_TRUE(std::filesystem::exists(scratch / "pieces/trajectory_cov.txt"));
+        EXPECT_FALSE(std::filesystem::exists(scratch / "pieces/summary.json"));
+    }
+    writer.finish(results.summary);
+    int files = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(scratch / "whole")) {
+        const std::string name = entry.path().filename();
+        EXPECT_EQ(read_text(entry.path()), read_text(scratch / "pieces" + "/" + name)) << name;
+        ++files;
+    }
+    EXPECT_EQ(files, 10);
+    EXPECT_FALSE(std::filesystem::exists(scratch / "pieces/landmarks.partial"));
 }
 
 }  // namespace
