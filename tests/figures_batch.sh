@@ -11,7 +11,7 @@ long=""
 [[ ${1:-} == --long ]] && long=yes && shift
 readonly DATA=${1:-${VIO_DATA:-../shared/data}}
 readonly TESTS=build/release/tests
-readonly RECORDED=("$DATA/euroc_v101_imu_gt/groundtruth.csv" "$DATA/euroc_v101_imu_gt/imu0.csv")
+readonly RECORDED=$DATA/euroc_v101_imu_gt/groundtruth.csv
 
 figures() {
     echo "== $1"
@@ -24,8 +24,8 @@ figures arm "$(few 10 2)"
 figures poor "$(few 10 2)"
 figures rotations "$(few 100 10)"
 figures image_only "$(few 20 3)"
-if [[ -f ${RECORDED[0]} ]]; then
-    figures nees "$(few 200 20)" "${RECORDED[@]}"
+if [[ -f $RECORDED ]]; then
+    figures nees "$(few 200 20)" "$RECORDED"
 else
     figures nees "$(few 200 20)"
 fi
@@ -33,7 +33,7 @@ fi
 if [[ -x $TESTS/vio_bench_batch ]]; then
     echo "== speed"
     bench=("$TESTS/vio_bench_batch" datasets/rover.ini)
-    [[ -f ${RECORDED[0]} ]] && bench+=(datasets/v101_tracks.ini --truth "${RECORDED[0]}")
+    [[ -f $RECORDED ]] && bench+=(datasets/v101_tracks.ini --truth "$RECORDED")
     "${bench[@]}"
     "$TESTS/vio_bench_batch" --scaling
 fi

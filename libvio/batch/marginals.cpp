@@ -79,6 +79,26 @@ BodyState body_state(const Model& model, const State& state, const Gauge& gauge,
     return body;
 }
 
+// What the first order leaves out of an accelerometer bias's covariance. Without rotation only
+// bias + gravity is measured, and gravity's norm is known: the bias lies on a sphere around what is
+// measured, and erring by d across gravity means erring by |d|^2 / (2 |g|) along it. (2 tr(C^2) +
+// tr(C)^2 is the mean of |d|^4 for d of covariance C.) `g_I`: gravity in the IMU's frame.
+Eigen::Matrix3d curvature_of_bias(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& g_I) {
+    const Eigen::Vector3d along = g_I.normalized();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - along * along.transpose();
+    const Eigen::Matrix3d C = across * covariance * across;
+    const double fourth = 2 * (C * C).trace() + C.trace() * C.trace();
+    return along * along.transpose() * (fourth / (4 * g_I.squaredNorm()));
+}
+
+// Adds it to a covariance that begins with the 15 errors of a body state.
+void add_curvature_of_bias(const Model& model, const Objective& objective, const State& state,
+                           int frame, Eigen::Ref<Eigen::MatrixXd> covariance) {
+    if (!model.inertial || objective.gravity_free()) return;
+    auto bias = covariance.block<3, 3>(kAccelBias, kAccelBias);
+    bias += curvature_of_bias(bias, state.frames[frame].motion.R.transpose() * state.gravity);
+}
+
 // Columns that pick the frame's 15 errors and gravity's 3 out of the reduced unknowns.
 Eigen::MatrixXd selector(const Model& model, const Objective& objective, const State& state,
                          const Layout& layout, int size, int frame) {
@@ -237,9 +257,11 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
 
     for (int i = 0; i < model.frames(); ++i) {
         BodyState body = body_state(model, state, gauge, i);
-        if (marginals)
-            body.estimate.covariance =
-                body.J * marginals->frame_and_gravity(i) * body.J.transpose();
+        if (marginals) {
+            Matrix15d& covariance = body.estimate.covariance;
+            covariance = body.J * marginals->frame_and_gravity(i) * body.J.transpose();
+            add_curvature_of_bias(model, objective, state, i, covariance);
+        }
         body.estimate.features = features[i];
         estimate.states.push_back(body.estimate);
     }
@@ -318,6 +340,7 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
     }
     tail.covariance = J * joint * J.transpose();
     tail.covariance = (0.5 * (tail.covariance + tail.covariance.transpose())).eval();
+    add_curvature_of_bias(model, objective, state, last, tail.covariance);
     tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
     for (int a = 0; a < n; ++a)
         tail.landmarks[a].covariance = tail.covariance.block<3, 3>(15 + 3 * a, 15 + 3 * a);

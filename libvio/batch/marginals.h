@@ -8,8 +8,10 @@ namespace vio::batch {
 
 /// Estimate in the published frames. With covariances: `equations` must hold the linearisation at
 /// `state`; they are those of the inverse information, the first pose and (with inertial data) the
-/// heading about the vertical being the gauge, i.e. known exactly.
-/// `singular` is set where the information matrix has no inverse (covariances are then zero).
+/// heading about the vertical being the gauge, i.e. known exactly. Where gravity's norm is known,
+/// the accelerometer bias's covariance has the curvature of its trade with gravity's direction
+/// added. `singular` is set where the information matrix has no inverse (covariances are then
+/// zero).
 Estimate publish(const Model& model, const Objective& objective, const State& state,
                  NormalEquations* equations, bool& singular);
 

@@ -31,6 +31,9 @@ class Objective {
     /// Threads that evaluate() and linearize() use; results do not depend on it.
     int threads() const { return threads_; }
 
+    /// Whether gravity's norm is estimated too.
+    bool gravity_free() const { return stage_.gravity_free; }
+
     /// Cost at a state. Readings are integrated at the biases of the last linearisation and
     /// corrected to first order.
     Cost evaluate(const State& state) const;
