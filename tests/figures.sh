@@ -127,6 +127,11 @@ readonly RUNS=build/release/tests/vio_filter_runs
 printf '\nperspective arm, filter and batch after yaw and position alignment\n'
 taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
 
+echo
+echo "Eight simulated hours, the rover to and fro (legend: tests/tools/long_run.cpp)"
+taskset -c 0 build/release/tests/vio_long_run datasets/rover_sparse.ini 8 |
+    awk 'NR == 1 || /x real/ || (/^ *[0-9]/ && ++n % 8 == 1)'
+
 # The paper's tables and figures: many minutes, so only if asked for.
 if [[ ${VIO_PAPER:-} ]]; then
     echo

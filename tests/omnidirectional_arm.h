@@ -10,6 +10,7 @@
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/recursive/iekf.h"
 #include "libvio/simulation/scenario.h"
+#include "tests/feed.h"
 
 namespace vio::test {
 
@@ -45,12 +46,7 @@ class Arm {
         options.sigma_px = kSigma_px;
         options.prefix_images = prefix_images;
         Iekf filter(rig_, options, batch_options());
-        const auto& frames = simulation_->tracks().frames;
-        std::size_t next = 0;
-        for (const ImuReading& reading : simulation_->imu()) {
-            while (next < frames.size() && frames[next].t <= reading.t) filter.add(frames[next++]);
-            filter.add(reading);
-        }
+        feed(filter, simulation_->imu(), simulation_->tracks().frames);
         filter.finish();
         return filter.estimate();
     }

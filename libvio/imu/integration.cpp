@@ -9,16 +9,17 @@
 namespace vio {
 namespace {
 
-ImuReading interpolated(const ImuReading& a, const ImuReading& b, TimeNs t) {
-    const double s = static_cast<double>(t - a.t) / static_cast<double>(b.t - a.t);
-    return {t, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
-}
-
 bool earlier(const ImuReading& reading, TimeNs t) {
     return reading.t < t;
 }
 
 }  // namespace
+
+ImuReading interpolated(const ImuReading& a, const ImuReading& b, TimeNs t) {
+    if (b.t <= a.t) return {t, a.gyro, a.accel};
+    const double s = static_cast<double>(t - a.t) / static_cast<double>(b.t - a.t);
+    return {t, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
+}
 
 void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Vector3d& g_W,
                IntegrationJacobian* jacobian) {

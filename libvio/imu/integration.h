@@ -49,6 +49,9 @@ struct IntegrationJacobian {
 void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Vector3d& g_W,
                IntegrationJacobian* jacobian = nullptr);
 
+/// Reading at t on the line through two readings; a's where b is not later.
+ImuReading interpolated(const ImuReading& a, const ImuReading& b, TimeNs t);
+
 /// Readings in order of time, from which segments between any two times are cut.
 class ImuSequence {
  public:

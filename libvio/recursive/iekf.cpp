@@ -29,12 +29,6 @@ constexpr double kLongestBridge = 0.1;  // [s] without readings that is not wort
 // What is added to the core's uncertainty when most landmarks contradict it.
 constexpr double kDoubtRotation = 0.02, kDoubtPosition = 0.05, kDoubtVelocity = 0.2;
 
-ImuReading between(const ImuReading& a, const ImuReading& b, TimeNs t) {
-    if (b.t <= a.t) return {t, a.gyro, a.accel};
-    const double s = static_cast<double>(t - a.t) / static_cast<double>(b.t - a.t);
-    return {t, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
-}
-
 std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& options, bool use_imu) {
     const SmoothnessVariances variances{
         options.angular_rate_variance, options.acceleration_variance,
@@ -182,7 +176,7 @@ TimeNs Iekf::Impl::given_time() const {
 }
 
 void Iekf::Impl::begin_given(const ImuReading& next) {
-    begin(*given_start, between(last_reading.value_or(next), next, given_time()));
+    begin(*given_start, interpolated(last_reading.value_or(next), next, given_time()));
 }
 
 void Iekf::Impl::try_prefix(const TimedFrame& image) {
@@ -199,7 +193,7 @@ void Iekf::Impl::start_from_prefix(const ImuReading* next) {
     }
     prefix.clear();
     ImuReading at{t_imu, Vector3d::Zero(), Vector3d::Zero()};
-    if (last_reading) at = between(*last_reading, next ? *next : *last_reading, t_imu);
+    if (last_reading) at = interpolated(*last_reading, next ? *next : *last_reading, t_imu);
     result.states.insert(result.states.end(), start->states.begin(), start->states.end());
     last_report = start->states.back().t;
     begin(start->tail, at);
@@ -226,7 +220,7 @@ void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
 void Iekf::Impl::move_to(TimeNs t_imu) {
     ImuReading at{t_imu, now.gyro, now.accel};
     if (use_imu && queue.next_reading()) {
-        at = between(now, *queue.next_reading(), t_imu);
+        at = interpolated(now, *queue.next_reading(), t_imu);
     } else if (use_imu && to_seconds(t_imu - now.t) > kLongestBridge) {
         log(camera_time(t_imu),
             "no inertial readings for " + std::to_string(to_seconds(t_imu - now.t)) + " s");
@@ -453,6 +447,12 @@ Estimate Iekf::take() {
 
 std::vector<FeatureId> Iekf::take_rejected() {
     return std::exchange(impl_->rejected, {});
+}
+
+const FilterState* Iekf::state() {
+    if (!impl_->state) return nullptr;
+    impl_->state->settle();
+    return &*impl_->state;
 }
 
 const std::vector<StatusEntry>& Iekf::status() const {

@@ -9,6 +9,7 @@
 #include "libvio/base/options.h"
 #include "libvio/batch/batch.h"
 #include "libvio/camera/rig.h"
+#include "libvio/recursive/filter_state.h"
 
 namespace vio {
 
@@ -81,6 +82,9 @@ class Iekf {
     std::vector<FeatureId> take_rejected();
 
     const std::vector<StatusEntry>& status() const;
+
+    /// For diagnosis: the filter's state; null before the start.
+    const FilterState* state();
 
  private:
     struct Impl;

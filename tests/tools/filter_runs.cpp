@@ -13,6 +13,7 @@
 #include "libvio/recursive/iekf.h"
 #include "libvio/recursive/observation.h"
 #include "libvio/simulation/scenario.h"
+#include "tests/feed.h"
 
 namespace {
 
@@ -85,15 +86,7 @@ vio::Rig rig(const vio::Simulation& sim, const Setup& s) {
 Filtered filtered(const vio::Simulation& sim, const Setup& s) {
     const auto begin = std::chrono::steady_clock::now();
     vio::Iekf filter(rig(sim, s), s.iekf, s.batch);
-    const vio::TimeNs offset = vio::from_seconds(sim.rig().time_offset);
-    std::size_t next = 0;
-    const auto& frames = sim.tracks().frames;
-    for (const vio::ImuReading& reading : sim.imu()) {
-        while (next < frames.size() && frames[next].t + offset <= reading.t)
-            filter.add(frames[next++]);
-        filter.add(reading);
-    }
-    while (next < frames.size()) filter.add(frames[next++]);
+    vio::test::feed(filter, sim.imu(), sim.tracks().frames, sim.rig().time_offset);
     filter.finish();
     const std::chrono::duration<double> time = std::chrono::steady_clock::now() - begin;
     return {filter.estimate(), filter.status(), time.count()};
