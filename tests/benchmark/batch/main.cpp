@@ -1,6 +1,7 @@
 // The batch estimator's minimisation against Ceres: same residuals, same start, same cost.
-//   vio_bench_batch [--scaling] [--ours] [--truth RECORDED_PATH] [SCENARIO.ini ...]
-// --truth: for scenarios along a recorded path. Without scenarios: a room. Each solver runs in a
+//   vio_bench_batch [--scaling] [--ours] [--threads N] [--truth RECORDED_PATH] [SCENARIO.ini ...]
+// --truth: for scenarios along a recorded path. Without scenarios: a room; without --threads:
+// one and two. Each solver runs in a
 // process of its own, so that its memory can be told: the most that it took above what the problem
 // itself takes.
 #include <sys/resource.h>
@@ -101,11 +102,11 @@ void print_header() {
                 "ms/iteration", "total s", "CPU s", "peak MB", "final cost");
 }
 
-void compare(const TimedProblem& problem, bool rival) {
+void compare(const TimedProblem& problem, bool rival, const std::vector<int>& thread_counts) {
     std::printf("%s\n", described(problem).c_str());
     print_header();
     std::fflush(stdout);
-    for (int threads : {1, 2}) {
+    for (int threads : thread_counts) {
         const auto ours = measured([&] { return solve_with_ours(problem, threads); });
         print_row("ours", threads, ours);
         if (!rival) continue;
@@ -145,6 +146,7 @@ int main(int argc, char** argv) {
     bool with_scaling = false, rival = true;
     std::string truth;
     std::vector<std::string> scenarios;
+    std::vector<int> threads{1, 2};
     for (int k = 1; k < argc; ++k) {
         const std::string argument = argv[k];
         if (argument == "--scaling")
@@ -153,14 +155,17 @@ int main(int argc, char** argv) {
             rival = false;
         else if (argument == "--truth" && k + 1 < argc)
             truth = argv[++k];
+        else if (argument == "--threads" && k + 1 < argc)
+            threads = {std::stoi(argv[++k])};
         else
             scenarios.push_back(argument);
     }
     try {
         if (with_scaling) scaling();
         for (const std::string& scenario : scenarios)
-            compare(scenario_problem(scenario, truth), rival);
-        if (scenarios.empty() && !with_scaling) compare(room_problem(700, 200, 60), rival);
+            compare(scenario_problem(scenario, truth), rival, threads);
+        if (scenarios.empty() && !with_scaling)
+            compare(room_problem(700, 200, 60), rival, threads);
     } catch (const std::exception& error) {
         std::cerr << error.what() << '\n';
         return 1;
