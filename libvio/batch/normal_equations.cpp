@@ -8,8 +8,6 @@
 namespace vio::batch {
 namespace {
 
-constexpr int kPieces = 16;  // that loops over points are cut into
-
 BlockMatrix make_matrix(const Model& model, const Layout& layout) {
     std::vector<std::pair<int, int>> pairs;
     const int global = layout.global_block();

@@ -24,6 +24,13 @@ struct Stage {
     bool truncated = false;
 };
 
+/// (gyro, accel).
+inline Vector6d bias_vector(const ImuBias& bias) {
+    Vector6d v;
+    v << bias.gyro, bias.accel;
+    return v;
+}
+
 class Objective {
  public:
     Objective(const Model& model, const BatchOptions& options, const Stage& stage);
@@ -42,7 +49,9 @@ class Objective {
     /// integration, fills the normal equations (IRLS weights for robust losses), returns the cost.
     Cost linearize(const State& state, NormalEquations& equations);
 
-    /// next = state [+] step.
+    /// next = state [+] step. Points move as seen from the first camera that saw them, which their
+    /// images constrain: linearly in the direction and in the inverse range (Civera et al. 2008),
+    /// which images are nearly linear in even where a small angle leads to infinity.
     void apply(const State& state, const Step& step, const Layout& layout, State& next) const;
 
     /// Derivative of g_W wrt its unknowns: two rotations about axes across it when its norm is
@@ -65,6 +74,7 @@ class Objective {
         Matrix9d sqrt_information;
         ImuBias bias;  // that it was integrated with
     };
+
     // What the observations of some points add to the poses of frames first, first + 1, ....
     struct PoseSums {
         int first = 0;
@@ -75,6 +85,10 @@ class Objective {
     Interval make_interval(int i, const ImuBias& bias) const;
     double robust(double distance2) const;
     double robust_weight(double distance2) const;
+    void reintegrate(const State& state);
+    double interval_cost(const State& state, int i) const;
+    Eigen::Vector3d moved_point(const State& state, const State& next, const Step& step,
+                                const Layout& layout, int point_idx) const;
     double linearize_image(const State& state, NormalEquations& equations);
     // Adds one observation with N residual components: residual and derivative wrt p_C, whitened.
     template <int N>

@@ -6,6 +6,9 @@
 
 namespace vio::batch {
 
+/// Pieces that loops over points and over intervals are cut into.
+constexpr int kPieces = 16;
+
 /// Calls work(piece) for 0 <= piece < pieces, thread k taking pieces k, k + threads, ....
 template <typename Work>
 void in_parallel(int threads, int pieces, Work work) {
