@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <deque>
 #include <limits>
 #include <map>
 #include <set>
@@ -13,6 +15,9 @@
 #include "libvio/recursive/message_queue.h"
 #include "libvio/recursive/motion.h"
 #include "libvio/recursive/prefix.h"
+#include "libvio/recursive/rest.h"
+#include "libvio/recursive/rest_update.h"
+#include "libvio/recursive/start_at_rest.h"
 #include "libvio/recursive/window.h"
 
 namespace vio {
@@ -25,9 +30,22 @@ constexpr int kShortestPrefix = 3;      // images
 constexpr int kMaxRejections = 3;       // consecutive, then a landmark is given up
 constexpr int kMaxBadImages = 3;        // consecutive, then all landmarks are
 constexpr double kBadShare = 0.5;       // of an image's landmarks passing the gate
+constexpr int kJudgedImages = 10;       // over which the share of passing landmarks is judged,
+constexpr int kJudgedSights = 30;       // if there are so many
 constexpr double kLongestBridge = 0.1;  // [s] without readings that is not worth a word
 // What is added to the core's uncertainty when most landmarks contradict it.
+constexpr double kLostRotation = 0.1, kLostPosition = 1.0, kLostVelocity = 1.0;  // and for long
 constexpr double kDoubtRotation = 0.02, kDoubtPosition = 0.05, kDoubtVelocity = 0.2;
+
+CoreVector core_variances(const FilterState& state, double rotation, double position,
+                          double velocity) {
+    CoreVector variances = CoreVector::Zero(state.core_size());
+    variances.segment<3>(kRotation).setConstant(rotation * rotation);
+    variances.segment<3>(kPosition).setConstant(position * position);
+    if (state.core_size() > kVelocity)
+        variances.segment<3>(kVelocity).setConstant(velocity * velocity);
+    return variances;
+}
 
 std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& options, bool use_imu) {
     const SmoothnessVariances variances{
@@ -68,6 +86,8 @@ struct Iekf::Impl {
           T_I_C(rig.T_I_C()),
           queue(from_seconds(o.message_window), imu),
           prefix(rig, o, batch, imu),
+          priors(batch),
+          rest(rig.imu_noise, o.sigma_px),
           motion(make_motion(rig, o, imu)),
           window(window_options(rig, o), rig.camera, T_I_C),
           landmark_gate(chi_square_quantile(2, o.gate)) {}
@@ -80,9 +100,12 @@ struct Iekf::Impl {
 
     void process_image(const TimedFrame& image) {
         move_to(image.t_imu);
-        sort_features(image.frame);
-        update_known_points();
-        drop_lost_points();
+        if (!abandoned) {
+            sort_features(image.frame);
+            update_known_points();
+            drop_lost_points();
+            hold_at_rest();
+        }
         use_window_points();
         judge(image.frame.t);
         report(image.frame.t, used);
@@ -92,15 +115,24 @@ struct Iekf::Impl {
 
     TimeNs given_time() const;
     void begin_given(const ImuReading& next);
-    void try_prefix(const TimedFrame& image);
+    bool starting() const { return (!state && !given_start) || restarting; }
+    void try_start(const TimedFrame& image);
+    void start_from_rest();
     void start_from_prefix(const ImuReading* next);
+    void begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
+                     const Pose& from, TimeNs from_t, const std::string& how);
     void begin(const BatchTail& tail, const ImuReading& at);
+    void restart(TimeNs t, const std::string& why);
+    void recovered(TimeNs t);
     void move_to(TimeNs t_imu);
     void sort_features(const FeatureFrame& frame);
     void update_known_points();
     void drop_lost_points();
+    void hold_at_rest();
     void use_window_points();
     void release(int slot);
+    double velocity_sigma() const;
+    bool contradicts();
     void judge(TimeNs t);
     void report(TimeNs t, int features);
     void note_landmark(int idx);
@@ -114,6 +146,8 @@ struct Iekf::Impl {
     Pose T_I_C;
     MessageQueue queue;
     Prefix prefix;
+    BatchOptions priors;
+    RestDetector rest;
     std::unique_ptr<MotionModel> motion;
     Window window;
     double landmark_gate;
@@ -132,8 +166,16 @@ struct Iekf::Impl {
     std::vector<FeatureId> rejected;  // not yet taken by the caller
 
     // Health.
+    struct Sights {
+        int known, passed;
+    };
+    std::deque<Sights> judged;  // of the last images
+    bool restarting = false;    // a new start is being looked for while the state coasts
+    bool abandoned = false;     // and images contradict the state: it is not updated
+    std::map<TimeNs, StateEstimate> coasted;  // while restarting, at images
     int bad_images = 0;
     TimeNs last_good = 0;
+    TimeNs gap_told = 0;  // reading after which there was a gap
     bool lost = false;
 
     TimeNs last_report = std::numeric_limits<TimeNs>::min();
@@ -149,24 +191,25 @@ void Iekf::Impl::take_messages(bool at_end) {
 
 void Iekf::Impl::take(const ImuReading& reading) {
     if (!use_imu) return;
+    rest.add(reading);
     if (!state && given_start && reading.t >= given_time()) begin_given(reading);
     if (state) {
-        motion->advance(*state, now, reading);
-        const TimeNs since = last_reading ? last_reading->t : now.t;
-        motion->measure(*state, reading, to_seconds(reading.t - since));
+        const double interval = to_seconds(reading.t - (last_reading ? last_reading->t : now.t));
+        motion->advance(*state, now, reading, interval);
+        motion->measure(*state, reading, interval);
         now = reading;
         if (options.output == "readings") report(camera_time(reading.t), 0);
-    } else if (!given_start) {
-        prefix.add(reading);
     }
+    if (starting()) prefix.add(reading);
     last_reading = reading;
 }
 
 void Iekf::Impl::take(const TimedFrame& image) {
+    if (use_imu) rest.add(image.frame, image.t_imu);
     if (!state && given_start && image.t_imu > given_time())
         begin_given(use_imu && queue.next_reading() ? *queue.next_reading() : ImuReading{});
     if (state && image.t_imu > started_at) process_image(image);
-    if (!state && !given_start) try_prefix(image);
+    if (starting()) try_start(image);
 }
 
 // ---- Start ------------------------------------------------------------------------------------
@@ -179,26 +222,66 @@ void Iekf::Impl::begin_given(const ImuReading& next) {
     begin(*given_start, interpolated(last_reading.value_or(next), next, given_time()));
 }
 
-void Iekf::Impl::try_prefix(const TimedFrame& image) {
+void Iekf::Impl::try_start(const TimedFrame& image) {
     prefix.add(image.frame);
-    if (prefix.ready()) start_from_prefix(queue.next_reading());
+    if (use_imu && rest.at_rest())
+        start_from_rest();
+    else if (prefix.ready())
+        start_from_prefix(queue.next_reading());
+}
+
+void Iekf::Impl::start_from_rest() {
+    const Stillness& still = rest.stillness();
+    const TimeNs from = camera_time(still.from), to = camera_time(still.to);
+    const BatchTail tail = start_at_rest(still, to, rig, priors);
+    std::vector<StateEstimate> states;
+    for (const TimeNs t : prefix.image_times()) {
+        if (t < from || t > to) continue;
+        states.push_back(tail.state);
+        states.back().t = t;
+    }
+    char how[160];
+    std::snprintf(how, sizeof how, "started at rest for %.2f s, tilt known to %.2g rad",
+                  still.seconds(), tilt_sigma(tail.state));
+    begin_found(states, tail, tail.state.T_W_B, to, how);
 }
 
 void Iekf::Impl::start_from_prefix(const ImuReading* next) {
-    const TimeNs t = prefix.last_image(), t_imu = t + from_seconds(rig.time_offset);
+    const TimeNs t = prefix.last_image();
     const auto start = prefix.attempt(next);
     if (!start) {
-        log(t, "not started: " + prefix.why());
+        log(t, "not started: " + prefix.why() +
+                   (use_imu ? "; not at rest: " + rest.why_not() : std::string()));
         return;
     }
+    begin_found(start->states, start->tail, start->states.front().T_W_B, start->states.front().t,
+                "started from a prefix of " + std::to_string(start->states.size()) +
+                    " images with " + std::to_string(start->tail.landmarks.size()) + " points");
+}
+
+// Begins at tail. from: a pose of the start where its world begins, at from_t; there a restart
+// joins on to the state that has coasted until then.
+void Iekf::Impl::begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
+                             const Pose& from, TimeNs from_t, const std::string& how) {
+    const TimeNs t = tail.state.t, t_imu = t + from_seconds(rig.time_offset);
     prefix.clear();
     ImuReading at{t_imu, Vector3d::Zero(), Vector3d::Zero()};
-    if (last_reading) at = interpolated(*last_reading, next ? *next : *last_reading, t_imu);
-    result.states.insert(result.states.end(), start->states.begin(), start->states.end());
-    last_report = start->states.back().t;
-    begin(start->tail, at);
-    log(t, "started from a prefix of " + std::to_string(start->states.size()) + " images with " +
-               std::to_string(start->tail.landmarks.size()) + " points");
+    if (last_reading) {
+        const ImuReading* next = queue.next_reading();
+        at = interpolated(*last_reading, next ? *next : *last_reading, t_imu);
+    }
+    const auto joint = coasted.lower_bound(from_t);
+    if (restarting && joint != coasted.end()) {
+        begin(continued(tail, from, joint->second), at);
+        log(t, "re" + how);
+    } else {
+        result.states.insert(result.states.end(), states.begin(), states.end());
+        last_report = t;
+        begin(tail, at);
+        log(t, how);
+    }
+    restarting = abandoned = lost = false;
+    coasted.clear();
 }
 
 void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
@@ -213,6 +296,22 @@ void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
         tail, rig, *motion, at, omega_I,
         {options.consistency == "invariant", options.max_landmarks, options.new_point_sigma}));
     image_idx = 0;
+    window.clear();
+    judged.clear();
+}
+
+// The state coasts on, for the output, while another start is looked for.
+void Iekf::Impl::restart(TimeNs t, const std::string& why) {
+    log(t, "restarting: " + why);
+    restarting = true;
+    prefix.clear();
+}
+
+void Iekf::Impl::recovered(TimeNs t) {
+    log(t, "the motion is known again without a new start");
+    restarting = false;
+    prefix.clear();
+    coasted.clear();
 }
 
 // ---- Steps ------------------------------------------------------------------------------------
@@ -221,11 +320,16 @@ void Iekf::Impl::move_to(TimeNs t_imu) {
     ImuReading at{t_imu, now.gyro, now.accel};
     if (use_imu && queue.next_reading()) {
         at = interpolated(now, *queue.next_reading(), t_imu);
-    } else if (use_imu && to_seconds(t_imu - now.t) > kLongestBridge) {
-        log(camera_time(t_imu),
-            "no inertial readings for " + std::to_string(to_seconds(t_imu - now.t)) + " s");
     }
-    motion->advance(*state, now, at);
+    const TimeNs before = last_reading ? last_reading->t : now.t;
+    const ImuReading* next = queue.next_reading();
+    const double interval = to_seconds((next ? next->t : t_imu) - before);
+    if (use_imu && interval > kLongestBridge && before != gap_told) {
+        log(camera_time(t_imu), "no inertial readings for more than " +
+                                    std::to_string(kLongestBridge).substr(0, 3) + " s");
+        gap_told = before;
+    }
+    motion->advance(*state, now, at, interval);
     now = at;
     state->settle();
     state->clone(++image_idx);
@@ -262,15 +366,13 @@ void Iekf::Impl::update_known_points() {
     };
     contradicted = too_few();
     if (contradicted) {  // perhaps the prediction is to blame: believe it less
-        CoreVector doubt = CoreVector::Zero(state->core_size());
-        doubt.segment<3>(kRotation).setConstant(kDoubtRotation * kDoubtRotation);
-        doubt.segment<3>(kPosition).setConstant(kDoubtPosition * kDoubtPosition);
-        if (state->core_size() > kVelocity)
-            doubt.segment<3>(kVelocity).setConstant(kDoubtVelocity * kDoubtVelocity);
-        state->inflate(doubt);
+        state->inflate(core_variances(*state, kDoubtRotation, kDoubtPosition, kDoubtVelocity));
         passed = gated();
-        if (too_few()) passed.clear();
     }
+    const bool hopeless = contradicted && too_few();
+    judged.push_back({static_cast<int>(known.size()), static_cast<int>(passed.size())});
+    if (static_cast<int>(judged.size()) > kJudgedImages) judged.pop_front();
+    if (hopeless) passed.clear();
     std::set<int> passed_idx;
     for (const LandmarkSight& s : passed) passed_idx.insert(s.landmark_idx);
     for (const LandmarkSight& s : known) {
@@ -295,6 +397,13 @@ void Iekf::Impl::drop_lost_points() {
     give_up(remove);
 }
 
+// The clone of this image was made where that of the last one was.
+void Iekf::Impl::hold_at_rest() {
+    const int before = state->find_clone(image_idx - 1);
+    if (!use_imu || !rest.at_rest() || before < 0) return;
+    update_at_rest(*state, before, options.gate);
+}
+
 void Iekf::Impl::use_window_points() {
     int oldest = -1, alive = 0;
     for (const ClonedPose& clone : state->clones()) {
@@ -303,8 +412,10 @@ void Iekf::Impl::use_window_points() {
         if (oldest < 0 || clone.image_idx < oldest) oldest = clone.image_idx;
     }
     const bool full = alive > options.clones;
-    const Window::Outcome outcome = window.use(*state, image_idx, full ? oldest : -1);
-    used += outcome.used;
+    if (abandoned)
+        used = 0;
+    else
+        used += window.use(*state, image_idx, full ? oldest : -1).used;
     if (full) {
         window.forget_image(oldest);
         release(state->find_clone(oldest));
@@ -333,13 +444,46 @@ void Iekf::Impl::judge(TimeNs t) {
         window.clear();
     }
     if (used >= options.min_features) last_good = t;
-    const bool now_lost = to_seconds(t - last_good) > options.lost_after_seconds;
+    const bool unseen = to_seconds(t - last_good) > options.lost_after_seconds;
+    const bool unsure = velocity_sigma() > options.lost_velocity_sigma;
+    const bool now_lost = unseen || unsure || abandoned;
+    char why[160];
+    std::snprintf(why, sizeof why, "velocity known to %.2g m/s, limit %.2g m/s", velocity_sigma(),
+                  options.lost_velocity_sigma);
     if (now_lost != lost)
-        log(t, now_lost
+        log(t, !now_lost ? "tracking found again"
+               : unseen
                    ? "tracking lost: fewer than " + std::to_string(options.min_features) +
                          " points used for " + std::to_string(options.lost_after_seconds) + " s"
-                   : "tracking found again");
+                   : std::string("tracking lost: ") + why);
     lost = now_lost;
+    if (!use_imu || options.motion != "imu_driven") return;
+    if (restarting && !abandoned && !lost) return recovered(t);
+    if (!abandoned && contradicts()) {
+        if (!restarting) restart(t, "most points have contradicted the state for a while");
+        abandoned = lost = true;
+        give_up(std::vector<bool>(state->landmarks().size(), true));
+        window.clear();
+        state->inflate(core_variances(*state, kLostRotation, kLostPosition, kLostVelocity));
+    } else if (unsure && !restarting) {
+        restart(t, why);
+    }
+}
+
+// Largest standard deviation of the velocity's components [m/s].
+double Iekf::Impl::velocity_sigma() const {
+    if (!use_imu) return 0;
+    return std::sqrt(state->core_covariance().diagonal().segment<3>(kVelocity).maxCoeff());
+}
+
+// Whether most landmarks of the last images have failed the gate.
+bool Iekf::Impl::contradicts() {
+    int all = 0, passed = 0;
+    for (const Sights& image : judged) {
+        all += image.known;
+        passed += image.passed;
+    }
+    return all >= kJudgedSights && passed < kBadShare * all;
 }
 
 // Adds the state to the result, once for each time.
@@ -360,6 +504,11 @@ void Iekf::Impl::report(TimeNs t, int features) {
     out.lost = lost;
     out.features = features;
     result.states.push_back(out);
+    if (restarting) {
+        coasted.insert({t, out});
+        while (static_cast<int>(coasted.size()) > 4 * options.prefix_images)
+            coasted.erase(coasted.begin());
+    }
     if (state->core_size() > kGravity) {
         result.g_W = state->core().g_W;
         result.gravity_covariance = state->core_covariance().block<3, 3>(kGravity, kGravity);

@@ -38,6 +38,7 @@ struct IekfOptions {
 
     int min_features = 3;             ///< fewer used ones do not hold the motion
     double lost_after_seconds = 0.5;  ///< [s]
+    double lost_velocity_sigma = 1;   ///< less certain velocity is not known [m/s]
     double message_window = 0.1;      ///< [s]
     std::string output = "images";    ///< images | readings: at which there is a state
 

@@ -41,6 +41,9 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("min_features", &min_features, "", {1, 1000},
                 "with fewer features used for a while, tracking counts as lost");
     options.add("lost_after_seconds", &lost_after_seconds, "s", {0, 60}, "that while");
+    options.add("lost_velocity_sigma", &lost_velocity_sigma, "m/s", {1e-3, 1e6},
+                "imu_driven: with a less certain velocity tracking counts as lost, and a new start "
+                "is looked for");
     options.add("message_window", &message_window, "s", {0, 10},
                 "measurements may come late by this much");
     options.add("output", &output, {"images", "readings"},

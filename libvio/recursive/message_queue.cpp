@@ -38,7 +38,8 @@ std::optional<std::variant<ImuReading, TimedFrame>> MessageQueue::pop(bool at_en
     const TimeNs t = frame_first ? frames_.front().t_imu : readings_.front().t;
     if (!at_end) {
         if (t > *newest_ - window_) return std::nullopt;
-        if (frame_first && needs_readings_ && readings_.empty()) return std::nullopt;
+        if (frame_first && needs_readings_ && readings_.empty() && t > *newest_ - kLongestWait)
+            return std::nullopt;
     }
     released_ = t;
     if (frame_first) {

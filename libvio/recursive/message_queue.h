@@ -19,6 +19,9 @@ struct TimedFrame {
 /// that come later than that, or twice, are counted and dropped.
 class MessageQueue {
  public:
+    /// How long a frame waits for a reading, at most.
+    static constexpr TimeNs kLongestWait = 1'000'000'000;
+
     /// needs_readings: a frame waits for a reading at its time or after it.
     MessageQueue(TimeNs window, bool needs_readings)
         : window_(window), needs_readings_(needs_readings) {}

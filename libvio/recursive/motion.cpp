@@ -27,7 +27,8 @@ class ImuDrivenMotion final : public MotionModel {
  public:
     explicit ImuDrivenMotion(const ImuNoise& noise) : noise_(noise) {}
 
-    void advance(FilterState& state, const ImuReading& from, const ImuReading& to) const override {
+    void advance(FilterState& state, const ImuReading& from, const ImuReading& to,
+                 double interval) const override {
         const double dt = to_seconds(to.t - from.t);
         if (!(dt > 0)) return;
         CoreState core = state.core();
@@ -42,9 +43,11 @@ class ImuDrivenMotion final : public MotionModel {
         // Variances of the mean over dt.
         double gyro = noise_.gyro_density2(segment.gyro.norm()) / dt;
         double accel = squared(noise_.accel_noise_density) / dt;
-        if (dt > kLargestGap) {
-            gyro += squared(kUnseenAngularRate);
-            accel += squared(kUnseenAcceleration);
+        // The same in sum, however many images divide the gap.
+        const double gap = std::max(dt, interval);
+        if (gap > kLargestGap) {
+            gyro += squared(kUnseenAngularRate) * gap / dt;
+            accel += squared(kUnseenAcceleration) * gap / dt;
         }
         CoreMatrix transition = CoreMatrix::Identity(kInertial, kInertial);
         transition.topLeftCorner<9, 9>() = J.F;
@@ -96,7 +99,8 @@ class SmoothMotion final : public MotionModel {
     SmoothMotion(const ImuNoise& noise, const SmoothnessVariances& variances, double gravity_sigma)
         : noise_(noise), variances_(variances), gravity_sigma_(gravity_sigma) {}
 
-    void advance(FilterState& state, const ImuReading& from, const ImuReading& to) const override {
+    void advance(FilterState& state, const ImuReading& from, const ImuReading& to,
+                 double) const override {
         const double dt = to_seconds(to.t - from.t);
         if (!(dt > 0)) return;
         CoreState core = state.core();
@@ -170,7 +174,8 @@ class ImageOnlyMotion final : public MotionModel {
  public:
     explicit ImageOnlyMotion(const SmoothnessVariances& variances) : variances_(variances) {}
 
-    void advance(FilterState& state, const ImuReading& from, const ImuReading& to) const override {
+    void advance(FilterState& state, const ImuReading& from, const ImuReading& to,
+                 double) const override {
         const double dt = to_seconds(to.t - from.t);
         if (!(dt > 0)) return;
         CoreMatrix noise = CoreMatrix::Zero(6, 6);

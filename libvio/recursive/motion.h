@@ -22,8 +22,9 @@ class MotionModel {
 
     /// Moves the state from one time to the next: Eqs. (14)-(21). Both readings are in the IMU
     /// frame, biased as measured; a model that does not use them reads their times only.
-    virtual void advance(FilterState& state, const ImuReading& from,
-                         const ImuReading& to) const = 0;
+    /// interval: between the sensor's readings from which these two are interpolated [s].
+    virtual void advance(FilterState& state, const ImuReading& from, const ImuReading& to,
+                         double interval = 0) const = 0;
 
     /// Takes a reading in as a measurement of the state, Eq. (23), where the model does so. A
     /// reading is a mean over the interval [s] since the one before: its variance is density^2 /

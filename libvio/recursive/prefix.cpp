@@ -13,18 +13,17 @@ std::string printed(const char* format, double a, double b) {
     return text;
 }
 
-// Standard deviation of the direction of gravity in the body frame [rad].
-double tilt_sigma(const StateEstimate& state) {
-    const Eigen::Matrix3d P =
-        state.T_W_B.R * state.covariance.topLeftCorner<3, 3>() * state.T_W_B.R.transpose();
-    return std::sqrt(std::max(P(0, 0), P(1, 1)));
-}
-
 double velocity_sigma(const StateEstimate& state) {
     return std::sqrt(state.covariance.diagonal().segment<3>(kVelocity).maxCoeff());
 }
 
 }  // namespace
+
+double tilt_sigma(const StateEstimate& state) {
+    const Eigen::Matrix3d P =
+        state.T_W_B.R * state.covariance.topLeftCorner<3, 3>() * state.T_W_B.R.transpose();
+    return std::sqrt(std::max(P(0, 0), P(1, 1)));
+}
 
 Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu)
     : rig_(rig),
@@ -42,6 +41,12 @@ void Prefix::add(const FeatureFrame& frame) {
     const TimeNs t_imu = frame.t + from_seconds(rig_.time_offset);
     if (use_imu_ && (readings_.empty() || readings_.front().t > t_imu)) return;
     frames_.push_back(frame);
+}
+
+std::vector<TimeNs> Prefix::image_times() const {
+    std::vector<TimeNs> times;
+    for (const FeatureFrame& frame : frames_) times.push_back(frame.t);
+    return times;
 }
 
 bool Prefix::ready() const {

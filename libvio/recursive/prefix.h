@@ -10,6 +10,9 @@
 
 namespace vio {
 
+/// Standard deviation of the direction of gravity in the body frame [rad].
+double tilt_sigma(const StateEstimate& state);
+
 class Prefix {
  public:
     Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu);
@@ -19,6 +22,7 @@ class Prefix {
 
     int images() const { return static_cast<int>(frames_.size()); }
     TimeNs last_image() const { return frames_.back().t; }
+    std::vector<TimeNs> image_times() const;
 
     /// True when enough images have come since the last attempt.
     bool ready() const;

@@ -1,0 +1,62 @@
+// Tells rest from motion: by the spread of the readings against the IMU's noise, and by what the
+// features do in the image.
+#pragma once
+
+#include <deque>
+#include <string>
+
+#include "libvio/base/types.h"
+#include "libvio/imu/noise.h"
+
+namespace vio {
+
+/// What a stretch of rest says.
+struct Stillness {
+    TimeNs from = 0, to = 0;  ///< times of its first and last image on the IMU's clock
+    Eigen::Vector3d gyro = Eigen::Vector3d::Zero();   ///< mean reading [rad/s]
+    Eigen::Vector3d accel = Eigen::Vector3d::Zero();  ///< mean reading [m/s^2]
+    double seconds() const { return to_seconds(to - from); }
+};
+
+/// Watches the last second (or as much more as images are apart). At rest
+/// - the readings' squared deviations from their mean, and those of the means of each quarter, obey
+///   chi-square laws of the IMU's white noise: the first tells shaking, the second slow motion;
+/// - the features' displacements from the first image to the last do so for the image noise; their
+///   median is asked, since some may be tracked wrongly.
+/// Where an image shows nothing, rest is believed to last while the readings say so. Steady motion
+/// past points that are too far to move in the image cannot be told from rest.
+class RestDetector {
+ public:
+    RestDetector(const ImuNoise& noise, double sigma_px);
+
+    /// In order of time.
+    void add(const ImuReading& reading);
+    void add(const FeatureFrame& frame, TimeNs t_imu);
+
+    /// At the newest image.
+    bool at_rest() const { return at_rest_; }
+    /// Of the stretch up to the newest image, if at_rest().
+    const Stillness& stillness() const { return stillness_; }
+    /// The measured value against its limit, if not at_rest().
+    const std::string& why_not() const { return why_not_; }
+
+ private:
+    struct TimedFeatures {
+        TimeNs t_imu;
+        FeatureFrame frame;
+    };
+    bool judged();
+    bool readings_still();
+    bool image_still();
+    bool moves(const char* what, double statistic, int degrees);
+
+    ImuNoise noise_;
+    double sigma_px_;
+    std::deque<ImuReading> readings_;
+    std::deque<TimedFeatures> frames_;
+    Stillness stillness_;
+    bool at_rest_ = false;
+    std::string why_not_ = "too few images and readings";
+};
+
+}  // namespace vio

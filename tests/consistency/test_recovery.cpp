@@ -1,0 +1,255 @@
+// Rest, starts without motion, loss of images or readings: the recursive estimator's covariance and
+// its word "lost" tell the truth throughout.
+#include <gtest/gtest.h>
+
+#include "libvio/recursive/observation.h"
+#include "libvio/recursive/rest.h"
+#include "libvio/recursive/rest_update.h"
+#include "libvio/recursive/start_at_rest.h"
+#include "libvio/simulation/scenario.h"
+#include "tests/feed.h"
+#include "tests/simulated_run.h"
+#include "tests/unit/numeric_jacobian.h"
+
+namespace vio {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+const std::string kDatasets = std::string(VIO_SOURCE_DIR) + "/datasets/";
+
+struct Judgements {
+    int at_rest = 0, resting = 0, moving_at_rest = 0, moving = 0;
+};
+
+// Of a scenario, image by image, against the true motion of the second before.
+Judgements judged(const std::string& file, const std::vector<std::string>& assignments = {}) {
+    const Simulation simulation(ScenarioOptions::from_file(kDatasets + file, assignments));
+    RestDetector detector(simulation.rig().imu_noise, simulation.options().track_model.noise_px);
+    std::size_t next = 0;
+    Judgements result;
+    for (const ImuReading& reading : simulation.imu()) {
+        const auto& frames = simulation.tracks().frames;
+        for (; next < frames.size() && frames[next].t <= reading.t; ++next) {
+            detector.add(frames[next], frames[next].t);
+            double moved = 0, fastest = 0;
+            for (std::size_t k = next; k < frames.size(); --k) {
+                const StateEstimate& now = simulation.truth()[next];
+                const StateEstimate& then = simulation.truth()[k];
+                if (to_seconds(now.t - then.t) > 1.5) break;
+                moved = std::max(moved, then.T_W_B.boxminus(now.T_W_B).norm());
+                fastest = std::max(fastest, then.v_W.norm());
+            }
+            if (to_seconds(frames[next].t - frames[0].t) < 3) continue;
+            const bool rests = moved < 1e-4 && fastest < 1e-4;
+            const bool moves = fastest > 0.02;
+            result.resting += rests;
+            result.at_rest += rests && detector.at_rest();
+            result.moving += moves;
+            result.moving_at_rest +=
+                moves && detector.at_rest() && simulation.truth()[next].v_W.norm() > 0.02;
+        }
+        detector.add(reading);
+    }
+    return result;
+}
+
+// Four tests at 99.9 % with a margin: a rest is hardly ever missed; hovering is none.
+TEST(RestDetector, TellsStopsFromDrivingAndHovering) {
+    const Judgements rover = judged("rover_sparse.ini", {"camera.count=400"});
+    EXPECT_GT(rover.resting, 20);
+    EXPECT_GE(rover.at_rest, 0.95 * rover.resting);
+    EXPECT_GT(rover.moving, 200);
+    EXPECT_EQ(rover.moving_at_rest, 0);
+    const Judgements hover = judged("stress/hover.ini", {"camera.count=400"});
+    EXPECT_GT(hover.moving, 100);
+    EXPECT_EQ(hover.at_rest + hover.moving_at_rest, 0);
+}
+
+// Tilt and accelerometer bias, which stillness cannot tell apart, with the joint covariance that
+// the start states: five degrees of freedom, 400 seeds, bounds at four standard deviations of the
+// mean, sqrt(2 / 400 / 5).
+TEST(StartAtRest, ErrorsMatchTheirCovariance) {
+    std::mt19937 random(7);
+    std::normal_distribution<double> normal;
+    const auto noise3 = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+    Rig rig = test::simulate_run({.seconds = 0.2}).rig;
+    BatchOptions priors;
+    priors.accel_bias_sigma = 0.1;
+    constexpr int kSeeds = 400;
+    double nees = 0, gyro = 0;
+    for (int i = 0; i < kSeeds; ++i) {
+        const Eigen::Matrix3d R_W_B = (Eigen::AngleAxisd(0.5 * normal(random), Vector3d::UnitY()) *
+                                       Eigen::AngleAxisd(0.8 * normal(random), Vector3d::UnitX()))
+                                          .toRotationMatrix();
+        const Vector3d bias = 0.1 * noise3(), gyro_bias = 0.01 * noise3();
+        Stillness rest;
+        rest.to = 1'000'000'000;
+        rest.accel = (R_W_B * rig.T_B_I.R).transpose() * Vector3d(0, 0, 9.81) + bias +
+                     rig.imu_noise.accel_noise_density * noise3();
+        rest.gyro = gyro_bias + rig.imu_noise.gyro_noise_density * noise3();
+        const BatchTail tail = start_at_rest(rest, 5, rig, priors);
+        EXPECT_EQ(tail.state.t, 5);
+        // The true attitude but for its yaw.
+        const Eigen::Matrix3d D = R_W_B * tail.state.T_W_B.R.transpose();
+        const Vector3d theta = so3::log(D);
+        Eigen::Matrix<double, 5, 15> pick = Eigen::Matrix<double, 5, 15>::Zero();
+        pick.block<2, 3>(0, kRotation) = tail.state.T_W_B.R.topRows<2>();
+        pick.block<3, 3>(2, kAccelBias).setIdentity();
+        Eigen::Matrix<double, 5, 1> error;
+        error << theta.head<2>(), bias - tail.state.accel_bias;
+        const Eigen::Matrix<double, 5, 5> P = pick * tail.covariance * pick.transpose();
+        nees += error.dot(P.ldlt().solve(error)) / 5;
+        const Vector3d e = gyro_bias - tail.state.gyro_bias;
+        gyro += e.squaredNorm() / tail.covariance(kGyroBias, kGyroBias) / 3;
+    }
+    EXPECT_NEAR(nees / kSeeds, 1, 4 * std::sqrt(2.0 / kSeeds / 5));
+    EXPECT_NEAR(gyro / kSeeds, 1, 4 * std::sqrt(2.0 / kSeeds / 3));
+}
+
+// A start continues a path whose yaw and position are uncertain: its covariance is that of samples
+// of both.
+TEST(Continued, CovarianceIsThatOfSamples) {
+    std::mt19937 random(8);
+    std::normal_distribution<double> normal;
+    const test::SimulatedRun run = test::simulate_run({.seconds = 1});
+    BatchTail start = test::sampled_start(run, 5, 3);
+    start.landmarks.resize(2);
+    start.covariance = MatrixXd(start.covariance.topLeftCorner(21, 21));
+    const Pose from{so3::exp({0, 0, 0.4}), {0.2, 0.1, 0}};
+    StateEstimate known = run.truth[0];
+    known.covariance.topLeftCorner<6, 6>() = 1e-4 * Matrix6d::Identity();
+    const BatchTail joined = continued(start, from, known);
+    EXPECT_LT((joined.state.T_W_B.p - known.T_W_B.p).norm(),
+              (start.state.T_W_B.p - from.p).norm() + 1e-12);
+
+    const MatrixXd L = start.covariance.llt().matrixL();
+    MatrixXd sum = MatrixXd::Zero(21, 21);
+    constexpr int kSamples = 20000;
+    for (int i = 0; i < kSamples; ++i) {
+        VectorXd d(21);
+        for (int k = 0; k < 21; ++k) d(k) = normal(random);
+        d = (L * d).eval();
+        BatchTail other = start;
+        other.state.T_W_B = start.state.T_W_B.boxplus(d.head<6>());
+        other.state.v_W += d.segment<3>(kVelocity);
+        for (int k = 0; k < 2; ++k) other.landmarks[k].p_W += d.segment<3>(15 + 3 * k);
+        StateEstimate there = known;
+        Vector6d e;
+        for (int k = 0; k < 6; ++k) e(k) = 0.01 * normal(random);
+        there.T_W_B = known.T_W_B.boxplus(e);
+        const BatchTail sample = continued(other, from, there);
+        VectorXd error(21);
+        error << sample.state.T_W_B.boxminus(joined.state.T_W_B),
+            sample.state.v_W - joined.state.v_W, d.segment<6>(kGyroBias),
+            sample.landmarks[0].p_W - joined.landmarks[0].p_W,
+            sample.landmarks[1].p_W - joined.landmarks[1].p_W;
+        sum += error * error.transpose() / kSamples;
+    }
+    const VectorXd scale = joined.covariance.diagonal().cwiseSqrt().cwiseInverse();
+    const MatrixXd difference = scale.asDiagonal() * (sum - joined.covariance) * scale.asDiagonal();
+    EXPECT_LT(difference.cwiseAbs().maxCoeff(), 6 / std::sqrt(double(kSamples)));
+}
+
+struct Fault {
+    double from = 10, seconds = 0;
+    enum { kDark, kNoImages, kNoReadings } kind = kDark;
+};
+
+struct Outcome {
+    int images = 0, lost = 0, lost_at_end = 0, states = 0;
+    double worst = 0;  // squared Mahalanobis distance of position, where not lost
+    std::string said;
+};
+
+Outcome with_fault(const Fault& fault, unsigned seed) {
+    test::SimulatedRunOptions simulated;
+    simulated.seed = seed;
+    simulated.seconds = 30;
+    test::SimulatedRun run = test::simulate_run(simulated);
+    const TimeNs begin = run.frames.front().t + from_seconds(fault.from);
+    const auto inside = [&](TimeNs t) {
+        return t >= begin && t < begin + from_seconds(fault.seconds);
+    };
+    if (fault.kind == Fault::kNoReadings)
+        std::erase_if(run.readings, [&](const ImuReading& r) { return inside(r.t); });
+    if (fault.kind == Fault::kNoImages)
+        std::erase_if(run.frames, [&](const FeatureFrame& f) { return inside(f.t); });
+    if (fault.kind != Fault::kNoReadings)
+        for (FeatureFrame& frame : run.frames) {
+            if (inside(frame.t)) frame.features.clear();
+            if (frame.t < begin) continue;
+            for (FeatureObservation& f : frame.features) f.feature_id += 1'000'000;
+        }
+    Iekf filter(run.rig, {}, {});
+    filter.start(test::sampled_start(run, 10, seed + 100));
+    test::feed(filter, run.readings, run.frames, 0, 10);
+    filter.finish();
+    Outcome outcome;
+    outcome.images = static_cast<int>(run.frames.size()) - 11;
+    std::size_t i = 0;
+    for (const StateEstimate& state : filter.estimate().states) {
+        ++outcome.states;
+        outcome.lost += state.lost;
+        outcome.lost_at_end = state.lost ? outcome.lost_at_end + 1 : 0;
+        while (run.truth[i].t < state.t) ++i;
+        const Vector3d e = run.truth[i].T_W_B.p - state.T_W_B.p;
+        const Eigen::Matrix3d P = state.covariance.block<3, 3>(kPosition, kPosition);
+        EXPECT_TRUE(state.covariance.allFinite());
+        if (!state.lost) outcome.worst = std::max(outcome.worst, e.dot(P.ldlt().solve(e)));
+    }
+    for (const StatusEntry& entry : filter.status())
+        outcome.said += std::to_string(to_seconds(entry.t - run.frames.front().t)).substr(0, 5) +
+                        " s: " + entry.text + "\n";
+    return outcome;
+}
+
+// Whatever is missing for a while, there is a state for each image, it is never wrong by more than
+// four sigma unless it says that it is lost, and in the end the motion is known again.
+TEST(Recovery, StaysHonestAndComesBackAfterImagesOrReadingsWereMissing) {
+    const Fault faults[] = {{10, 2, Fault::kDark},
+                            {10, 10, Fault::kDark},
+                            {10, 5, Fault::kNoImages},
+                            {10, 0.5, Fault::kNoReadings},
+                            {10, 5, Fault::kNoReadings}};
+    for (const Fault& fault : faults) {
+        const Outcome outcome = with_fault(fault, 2);
+        SCOPED_TRACE("kind " + std::to_string(fault.kind) + ", " + std::to_string(fault.seconds) +
+                     " s\n" + outcome.said);
+        EXPECT_GE(outcome.states, outcome.images - 1);
+        EXPECT_LT(outcome.worst, 16 + 3);  // four sigma of three components
+        EXPECT_EQ(outcome.lost_at_end, 0);
+        if (fault.kind == Fault::kDark) {
+            EXPECT_GT(outcome.lost, 20 * (fault.seconds - 1));
+        }
+    }
+}
+
+TEST(RestUpdate, MakesTheVelocityKnownButNotPositionAndYaw) {
+    CoreState core;
+    core.T_W_I = {so3::exp({0.3, -0.2, 1}), {1, 2, 3}};
+    core.v_W = {0.002, -0.001, 0.0015};
+    core.g_W = {0, 0, -9.81};
+    CoreMatrix P = CoreMatrix::Identity(15, 15) * 1e-2;
+    FilterState state(CoreKind::inertial, core, P, true);
+    state.clone(1);
+    state.clone(2);
+    ASSERT_TRUE(update_at_rest(state, state.find_clone(1), 0.999));
+    const CoreMatrix after = state.core_covariance();
+    EXPECT_LT(state.core().v_W.norm(), 1e-3);
+    EXPECT_LT(after.diagonal().segment<3>(kVelocity).maxCoeff(), 3e-5);
+    EXPECT_NEAR(after(kPosition, kPosition), 1e-2, 1e-6);
+    const Vector3d up = state.core().T_W_I.R.transpose() * Vector3d::UnitZ();
+    EXPECT_NEAR(up.dot(after.topLeftCorner<3, 3>() * up), 1e-2, 1e-6);
+    // Motion that the state is sure of is not taken for rest.
+    core.v_W = {1, 0, 0};
+    FilterState moving(CoreKind::inertial, core, P, true);
+    moving.clone(1);
+    moving.clone(2);
+    EXPECT_FALSE(update_at_rest(moving, moving.find_clone(1), 0.999));
+}
+
+}  // namespace
+}  // namespace vio
