@@ -12,6 +12,7 @@
 #include "libvio/geometry/so3.h"
 #include "libvio/tracking/detector.h"
 #include "libvio/tracking/patch.h"
+#include "libvio/tracking/rigid_window.h"
 #include "libvio/tracking/valid_region.h"
 #include "libvio/tracking/view_history.h"
 
@@ -93,6 +94,10 @@ void TrackerOptions::describe(OptionSet& options) {
                 "largest error in the geometry of two images");
     options.add("long_gap", &long_gap, "images", {0, 1000},
                 "distance of the second geometric check (0: off)");
+    options.add("window_images", &window_images, "images", {0, 300},
+                "over which each feature must fit one point of a rigid scene (0: off)");
+    options.add("window_error_px", &window_error_px, "px", {0.1, 100},
+                "largest error of a feature in that scene");
     options.add("realign", &realign, "align each feature with its first appearance");
     options.add("min_correlation", &min_correlation, "", {-1, 1},
                 "smallest correlation with the first appearance");
@@ -112,7 +117,9 @@ struct FeatureTracker::Impl {
         : options(o),
           camera(std::move(c)),
           history(o.long_gap, o.epipolar_px * camera->angular_resolution(),
-                  static_cast<unsigned long long>(o.seed)) {}
+                  static_cast<unsigned long long>(o.seed)),
+          window({.images = o.window_images,
+                  .threshold = o.window_error_px * camera->angular_resolution()}) {}
 
     TrackerOptions options;
     CameraPtr camera;
@@ -122,6 +129,7 @@ struct FeatureTracker::Impl {
     std::vector<cv::Mat> pyramid, previous_pyramid;
     std::vector<Track> tracks;
     ViewHistory history;
+    RigidWindow window;
     std::optional<TimeNs> last_image;
     TimeNs last_tracked = 0;
     std::optional<Matrix3d> R_since_tracked = Matrix3d::Identity();  // over blank images
@@ -147,6 +155,7 @@ struct FeatureTracker::Impl {
     Vector2d neighbours_motion(const Vector2d& uv, const std::vector<std::size_t>& found) const;
     bool admissible(Track& track) const;
     void verify(TimeNs t, std::optional<Matrix3d> R);
+    void end_sliding(const std::optional<Matrix3d>& R);
     void end_missed();
     void detect();
     void remember(TimeNs t);
@@ -354,10 +363,23 @@ void FeatureTracker::Impl::verify(TimeNs t, std::optional<Matrix3d> R) {
             verdict == Verdict::agrees || (verdict == Verdict::unchecked && tracks[i].missed == 0);
         report.lost_geometry += !seen[i];
     }
+    end_sliding(R);
     if (!given || !R || history.inliers() <= 20) return;
     const Vector3d missed = so3::log(given->transpose() * *R);
     if (missed.norm() < 0.05)
         rotation_rate_error += kRotationRateGain * missed / to_seconds(t - last_tracked);
+}
+
+// What slides along its epipolar lines. It is nowhere, so its track ends at once.
+void FeatureTracker::Impl::end_sliding(const std::optional<Matrix3d>& R) {
+    for (const FeatureId id : window.check(seen_rays(), R)) {
+        const auto track = std::find_if(tracks.begin(), tracks.end(),
+                                        [&](const Track& other) { return other.id == id; });
+        if (track == tracks.end()) continue;
+        track->missed = options.patience;
+        seen[static_cast<std::size_t>(track - tracks.begin())] = false;
+        ++report.lost_window;
+    }
 }
 
 void FeatureTracker::Impl::end_missed() {
@@ -395,7 +417,9 @@ void FeatureTracker::Impl::detect() {
 void FeatureTracker::Impl::remember(TimeNs t) {
     seen.assign(tracks.size(), false);
     for (std::size_t i = 0; i < tracks.size(); ++i) seen[i] = tracks[i].missed == 0;
-    history.remember(seen_rays());
+    const std::vector<FeatureRay> rays = seen_rays();
+    history.remember(rays);
+    window.remember(rays);
     last_tracked = t;
     R_since_tracked = Matrix3d::Identity();
 }

@@ -21,6 +21,8 @@ struct TrackerOptions {
     int patience = 3;               ///< images that a feature may be missed in
     double epipolar_px = 1.2;       ///< largest error in the geometry of two images
     int long_gap = 32;              ///< images between those of the second geometric check; 0: off
+    int window_images = 30;         ///< over which features must fit a rigid scene; 0: off
+    double window_error_px = 1.5;   ///< largest error there
     bool realign = true;            ///< align with the first appearance
     double min_correlation = 0.75;  ///< with the first appearance [-]
     bool texture_covariance = false;  ///< shape of the covariance from the texture
@@ -36,6 +38,7 @@ struct TrackerReport {
     int lost_flow = 0, lost_look = 0;  ///< not found by each step
     int found_again = 0;               ///< of these, by searching
     int lost_geometry = 0;             ///< found, but in disagreement with the motion
+    int lost_window = 0;               ///< in disagreement with the rigid scene
     int ended = 0, ended_by_caller = 0, detected = 0, after = 0;
     double seconds_pyramid = 0, seconds_flow = 0, seconds_realign = 0, seconds_geometry = 0,
            seconds_detect = 0;

@@ -105,6 +105,7 @@ Run run_tracker(const Input& input, const vio::TrackerOptions& options, bool use
         run.lost.lost_look += r.lost_look;
         run.lost.found_again += r.found_again;
         run.lost.lost_geometry += r.lost_geometry;
+        run.lost.lost_window += r.lost_window;
     }
     take(front_end.finish());
     run.seconds = static_cast<double>(cv::getTickCount() - begin) / cv::getTickFrequency();
@@ -332,7 +333,7 @@ void print_header(bool has_scene) {
                     "<1px");
     std::printf(
         "   tracks of 1, 2-4, 5-9, 10-19, 20-39, 40- images | lost: flow, look, again, "
-        "geometry\n");
+        "geometry, window\n");
 }
 
 void print_row(const std::string& name, const Input& input, const vio::Simulation* simulation,
@@ -364,9 +365,9 @@ void print_row(const std::string& name, const Input& input, const vio::Simulatio
                     100 * e.seen / e.could, 100 * median(e.life_share),
                     100 * share(e.px, [](double px) { return px < 1; }));
     }
-    std::printf("   %d %d %d %d %d %d | %d %d %d %d\n", histogram[0], histogram[1], histogram[2],
+    std::printf("   %d %d %d %d %d %d | %d %d %d %d %d\n", histogram[0], histogram[1], histogram[2],
                 histogram[3], histogram[4], histogram[5], run.lost.lost_flow, run.lost.lost_look,
-                run.lost.found_again, run.lost.lost_geometry);
+                run.lost.found_again, run.lost.lost_geometry, run.lost.lost_window);
 }
 
 int measure(const std::vector<std::string>& files, const std::vector<std::string>& assignments) {
@@ -404,7 +405,8 @@ int measure(const std::vector<std::string>& files, const std::vector<std::string
     row(
         "no gyro", [](auto&) {}, false);
     row("no first appearance", [](auto& o) { o.realign = false; });
-    row("no geometry", [](auto& o) { o.epipolar_px = 100, o.long_gap = 0; });
+    row("no window of 30 images", [](auto& o) { o.window_images = 0; });
+    row("no geometry", [](auto& o) { o.epipolar_px = 100, o.long_gap = o.window_images = 0; });
     print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
     return 0;
 }

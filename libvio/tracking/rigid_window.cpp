@@ -1,0 +1,176 @@
+#include "libvio/tracking/rigid_window.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "libvio/tracking/ray_bundle.h"
+
+namespace vio {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr std::size_t kFewestViews = 4;  // three free translations, two of them up to one scale
+constexpr std::size_t kFewestRays = 3;   // that say whether a point is one
+constexpr int kFewestPoints = 12;
+constexpr int kRaysPerView = 40;  // from which the poses are estimated
+constexpr int kIterations = 6, kStartIterations = 30;
+// No error of a good feature is this many times the median of all: nine standard deviations of
+// Gaussian errors.
+constexpr double kMedians = 8;
+constexpr double kLeastLimit = 0.2;  // of it, as a share of the threshold
+constexpr double kInnerScale = 0.5;  // of the robust cost, as a share of the threshold
+
+// Of all points that enough views saw, in the order of their ids.
+RayBundle bundle_of(const std::vector<const std::map<FeatureId, Vector3d>*>& views,
+                    std::vector<FeatureId>& ids) {
+    std::map<FeatureId, std::vector<RayBundle::Ray>> rays;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        for (const auto& [id, m] : *views[v]) rays[id].emplace_back(static_cast<int>(v), m);
+    RayBundle bundle;
+    for (auto& [id, of_point] : rays) {
+        if (of_point.size() < kFewestRays) continue;
+        bundle.points.push_back({Eigen::Vector4d::UnitZ(), std::move(of_point)});
+        ids.push_back(id);
+    }
+    return bundle;
+}
+
+// As few of the points as give every view enough rays, those with most rays first.
+RayBundle part_for_poses(const RayBundle& bundle) {
+    std::vector<std::size_t> order(bundle.points.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return bundle.points[a].rays.size() > bundle.points[b].rays.size();
+    });
+    RayBundle part{bundle.T_W_C, {}, bundle.scale};
+    std::vector<int> rays(bundle.T_W_C.size(), 0);
+    for (const std::size_t i : order) {
+        const RayBundle::Point& point = bundle.points[i];
+        const auto wanted = [&](const auto& ray) { return rays[ray.view_idx] < kRaysPerView; };
+        if (std::none_of(point.rays.begin(), point.rays.end(), wanted)) continue;
+        for (const RayBundle::Ray& ray : point.rays) ++rays[ray.view_idx];
+        part.points.push_back(point);
+    }
+    return part;
+}
+
+// Angular errors of a point's rays [rad].
+std::vector<double> errors(const RayBundle& bundle, const RayBundle::Point& point) {
+    std::vector<double> result;
+    for (const RayBundle::Ray& ray : point.rays) result.push_back(bundle.error(ray, point.h));
+    return result;
+}
+
+double median(std::vector<double> values) {
+    if (values.empty()) return 0;
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+}  // namespace
+
+std::vector<FeatureId> RigidWindow::check(const std::vector<FeatureRay>& rays,
+                                          const std::optional<Matrix3d>& R_C1_C2) {
+    const auto most_views = static_cast<std::size_t>(options_.images / options_.stride);
+    if (most_views < kFewestViews) return {};
+    if (!R_C1_C2) {
+        views_.clear();
+        started_ = false;
+    } else {
+        R_since_view_ = R_since_view_ * *R_C1_C2;
+    }
+    if (!views_.empty() && ++since_view_ < options_.stride) return {};
+
+    View view;
+    view.rays = by_id(rays);
+    if (!views_.empty()) {
+        view.T_W_C.R = so3::normalized(views_.back().T_W_C.R * R_since_view_);
+        view.T_W_C.p = views_.back().T_W_C.p;
+        if (started_) view.T_W_C.p += views_.back().T_W_C.p - views_[views_.size() - 2].T_W_C.p;
+    }
+    views_.push_back(std::move(view));
+    if (views_.size() > most_views) views_.pop_front();
+    since_view_ = 0;
+    R_since_view_.setIdentity();
+    return views_.size() < kFewestViews ? std::vector<FeatureId>() : judge();
+}
+
+void RigidWindow::remember(const std::vector<FeatureRay>& rays) {
+    if (!views_.empty() && since_view_ == 0) views_.back().rays = by_id(rays);
+}
+
+std::map<FeatureId, Vector3d> RigidWindow::by_id(const std::vector<FeatureRay>& rays) {
+    std::map<FeatureId, Vector3d> result;
+    for (const FeatureRay& ray : rays) result[ray.id] = ray.f;
+    return result;
+}
+
+// Straight ahead at even speed, in the direction that the first and the last view give.
+bool RigidWindow::start() {
+    std::vector<RayPair> pairs;
+    for (const auto& [id, f] : views_.back().rays)
+        if (const auto first = views_.front().rays.find(id); first != views_.front().rays.end())
+            pairs.push_back({first->second, f});
+    TwoViewOptions options;
+    options.threshold = options_.threshold;
+    const Matrix3d R = views_.front().T_W_C.R.transpose() * views_.back().T_W_C.R;
+    const auto motion = estimate_two_view(pairs, R, options);
+    if (!motion) return false;
+    const Vector3d t = views_.front().T_W_C.R * motion->t_C1;
+    for (std::size_t v = 0; v < views_.size(); ++v)
+        views_[v].T_W_C.p = static_cast<double>(v) / static_cast<double>(views_.size() - 1) * t;
+    return true;
+}
+
+std::vector<FeatureId> RigidWindow::judge() {
+    const bool warm = started_;
+    if (!started_ && !start()) return {};
+    std::vector<const std::map<FeatureId, Vector3d>*> rays;
+    for (const View& view : views_) rays.push_back(&view.rays);
+    std::vector<FeatureId> ids;
+    RayBundle bundle = bundle_of(rays, ids);
+    bundle.scale = kInnerScale * options_.threshold;
+    const Pose to_oldest = views_.front().T_W_C.inverse();
+    for (const View& view : views_) bundle.T_W_C.push_back(to_oldest * view.T_W_C);
+    RayBundle part = part_for_poses(bundle);
+    for (RayBundle::Point& point : part.points) part.triangulate(point);
+    part.minimize(warm ? kIterations : kStartIterations);
+    bundle.T_W_C = std::move(part.T_W_C);
+
+    std::vector<double> all, worst;
+    for (RayBundle::Point& point : bundle.points) {
+        bundle.triangulate(point);
+        const std::vector<double> of_point = errors(bundle, point);
+        worst.push_back(*std::max_element(of_point.begin(), of_point.end()));
+        all.insert(all.end(), of_point.begin(), of_point.end());
+    }
+    const double limit =
+        std::clamp(kMedians * median(all), kLeastLimit * options_.threshold, options_.threshold);
+    std::vector<FeatureId> wrong;
+    for (std::size_t i = 0; i < ids.size(); ++i)
+        if (worst[i] > limit) wrong.push_back(ids[i]);
+    const auto judged = static_cast<int>(ids.size());
+    started_ = judged >= kFewestPoints && 2 * static_cast<int>(wrong.size()) < judged;
+    if (!started_) return {};
+    double farthest = 0;
+    for (const Pose& T : bundle.T_W_C) farthest = std::max(farthest, T.p.norm());
+    for (std::size_t v = 0; v < views_.size(); ++v) {
+        views_[v].T_W_C = bundle.T_W_C[v];
+        views_[v].T_W_C.p /= std::max(farthest, 1e-12);
+    }
+    for (View& view : views_)
+        for (const FeatureId id : wrong) view.rays.erase(id);
+    return wrong;
+}
+
+std::vector<Pose> RigidWindow::poses() const {
+    std::vector<Pose> result;
+    if (!started_) return result;
+    for (const View& view : views_) result.push_back(view.T_W_C);
+    return result;
+}
+
+}  // namespace vio
