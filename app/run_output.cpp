@@ -57,23 +57,27 @@ RunOutput::RunOutput(const RunRequest& request, const Rig& rig)
       writer_(request.output, rig, effective_options(request), request.overwrite) {
     // The filter's prefix is no longer than twice this.
     if (request.estimator == "iekf")
-        most_waiting_ = 4 * static_cast<std::size_t>(request.options.iekf.prefix_images);
+        most_recent_ = 4 * static_cast<std::size_t>(request.options.iekf.prefix_images);
 }
 
 void RunOutput::add(const FeatureFrame& frame) {
-    const bool key = keyframes_.takes(frame);
-    if (key) writer_.add_keyframe(frame);
-    writer_.limit_waiting_keyframes(most_waiting_);
-    last_ = key ? std::nullopt : std::optional(frame);
+    recent_.push_back(frame);
+    if (recent_.size() > most_recent_) recent_.pop_front();
 }
 
 void RunOutput::add(const Estimate& piece) {
+    for (const RelativeMotion& motion : piece.keyframe_motions)
+        for (const TimeNs t : {motion.from, motion.to}) {
+            while (!recent_.empty() && recent_.front().t < t) recent_.pop_front();
+            if (recent_.empty() || recent_.front().t != t) continue;
+            writer_.add_keyframe(recent_.front());
+            recent_.pop_front();
+        }
     writer_.add(piece);
     sketch_.add(piece);
 }
 
 void RunOutput::finish(const nlohmann::json& summary) {
-    if (last_) writer_.add_keyframe(*last_);
     writer_.finish(summary);
 }
 

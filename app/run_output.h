@@ -1,10 +1,10 @@
 // What a run leaves: the results folder, written as the estimate comes, and its picture.
 #pragma once
 
+#include <deque>
 #include <limits>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
-#include <optional>
 #include <string>
 
 #include "app/pipeline.h"
@@ -50,9 +50,8 @@ class RunOutput {
     std::string folder_;
     Rig rig_;
     ResultsWriter writer_;
-    KeyframeSelector keyframes_;
-    std::size_t most_waiting_ = std::numeric_limits<std::size_t>::max();  // key-frames
-    std::optional<FeatureFrame> last_;  // unless it is a key-frame already
+    std::deque<FeatureFrame> recent_;  // of which the estimator makes key-frames
+    std::size_t most_recent_ = std::numeric_limits<std::size_t>::max();
     Sketch sketch_;
 };
 

@@ -1,6 +1,8 @@
 // What both estimators give back, and what writers, evaluation and pictures take.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,13 +39,27 @@ struct LandmarkEstimate {
     Eigen::Vector3d p_W = Eigen::Vector3d::Zero();         ///< [m]
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< [m^2]
     int observations = 0;
+    /// Mean colour (red, green, blue) at its places in the images, where those are at hand.
+    std::optional<std::array<std::uint8_t, 3>> rgb = std::nullopt;
+};
+
+/// Motion from one key-frame to the next, from the joint distribution of both poses: more certain
+/// than either of them.
+struct RelativeMotion {
+    TimeNs from = 0, to = 0;
+    Pose T_A_B;  ///< body frame at `to` in the body frame at `from`
+    /// (rotation, translation) in the tangent order of Pose; zero: not known.
+    Matrix6d covariance = Matrix6d::Zero();
 };
 
 /// Trajectory, structure and parameters in a world frame W whose z axis is up when inertial data
 /// are used; the first pose has zero position and zero yaw.
 struct Estimate {
-    std::vector<StateEstimate> states;              ///< in order of time, one per image
-    std::vector<LandmarkEstimate> landmarks;        ///< in order of id
+    std::vector<StateEstimate> states;        ///< in order of time, one per image
+    std::vector<LandmarkEstimate> landmarks;  ///< in order of id
+    /// From key-frame to key-frame, in order of time: images that follow the motion, by the overlap
+    /// of their features.
+    std::vector<RelativeMotion> keyframe_motions;
     Eigen::Vector3d g_W = Eigen::Vector3d::Zero();  ///< [m/s^2]
     Eigen::Matrix3d gravity_covariance = Eigen::Matrix3d::Zero();
     bool has_scale = true;  ///< false for image-only: global scale is arbitrary

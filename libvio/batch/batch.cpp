@@ -9,6 +9,7 @@
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/observability.h"
 #include "libvio/batch/start.h"
+#include "libvio/tracking/keyframes.h"
 
 namespace vio {
 
@@ -270,8 +271,9 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     if (!course.model.inertial && !course.model.surveyed())
         hold_scale(course.model, course.state, equations);
     bool singular = false;
-    result.estimate = publish(course.model, objective, course.state,
-                              options.covariances ? &equations : nullptr, singular);
+    result.estimate =
+        publish(course.model, objective, course.state, select_keyframes(problem.frames),
+                options.covariances ? &equations : nullptr, singular);
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
     course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);

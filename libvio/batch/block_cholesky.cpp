@@ -429,4 +429,12 @@ Eigen::MatrixXd BlockCholesky::SparseInverse::block(int row, int col) const {
     return result;
 }
 
+bool BlockCholesky::SparseInverse::holds(int row, int col) const {
+    const bool transposed = plan_.order[row] < plan_.order[col];
+    const int first = transposed ? row : col, second = transposed ? col : row;
+    const std::vector<int>& blocks = plan_.fronts[plan_.front_of[first]].blocks;
+    return std::binary_search(blocks.begin(), blocks.end(), second,
+                              [&](int a, int b) { return plan_.order[a] < plan_.order[b]; });
+}
+
 }  // namespace vio::batch

@@ -55,6 +55,8 @@ class BlockCholesky {
      public:
         /// Throws std::logic_error for a block outside the factor's pattern.
         Eigen::MatrixXd block(int row, int col) const;
+        /// Whether the block is in the factor's pattern.
+        bool holds(int row, int col) const;
 
      private:
         friend class BlockCholesky;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 
+#include "libvio/geometry/relative_pose.h"
 #include "libvio/geometry/so3.h"
 
 namespace vio::batch {
@@ -161,6 +162,18 @@ class Marginals {
         return S;
     }
 
+    // Joint covariance of the poses of two frames, six errors each.
+    Eigen::Matrix<double, 12, 12> two_poses(int a, int b) const {
+        Eigen::Matrix<double, 12, 12> S = Eigen::Matrix<double, 12, 12>::Zero();
+        if (known(a, 0)) S.topLeftCorner<6, 6>() = cross_of_poses(a, a);
+        if (known(b, 0)) S.bottomRightCorner<6, 6>() = cross_of_poses(b, b);
+        if (known(a, 0) && known(b, 0)) {
+            S.topRightCorner<6, 6>() = cross_of_poses(a, b);
+            S.bottomLeftCorner<6, 6>() = S.topRightCorner<6, 6>().transpose();
+        }
+        return S;
+    }
+
     Eigen::Matrix3d gravity() const {
         return gravity_jacobian_ * with_global_.block<3, 3>(layout_.gravity_index(), 0) *
                gravity_jacobian_.transpose();
@@ -208,6 +221,14 @@ class Marginals {
         const bool held = frame == 0 && component < 6 && !model_.surveyed();
         return !held && layout_.index(frame, component) >= 0;
     }
+    Matrix6d cross_of_poses(int a, int b) const {
+        const int A = layout_.pose_block(a), B = layout_.pose_block(b);
+        if (inverse_.holds(A, B)) return pair(A, B);
+        // Frames that no point connects: columns of the inverse by solving.
+        Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations_.matrix.size(), 6);
+        E.middleRows<6>(layout_.index(b, 0)).setIdentity();
+        return equations_.factor().solve(E).middleRows<6>(layout_.index(a, 0));
+    }
     double entry(int frame, int r, int c) const {
         if (!known(frame, r) || !known(frame, c)) return 0;
         const auto block = [&](int component) {
@@ -240,10 +261,28 @@ Eigen::Matrix3d point_by_gravity(const Gauge& gauge, const Eigen::Vector3d& p_Wp
     return -so3::skew(p_Wp) * gauge.tilt_by_gravity;
 }
 
+// The gauge, which moves both poses alike, does not touch the motion between them.
+RelativeMotion motion_between(const Model& model, const State& state, const Marginals* marginals,
+                              int a, int b) {
+    const auto body_jacobian = [&](int frame) {
+        const InertialState& I = state.frames[frame].motion;
+        return right_compose_jacobian({I.R, I.p}, model.T_I_B);
+    };
+    const RelativePose relative =
+        relative_pose(body_pose(model, state, a), body_pose(model, state, b));
+    RelativeMotion motion{model.times[a], model.times[b], relative.T_A_B};
+    if (!marginals) return motion;
+    Eigen::Matrix<double, 6, 12> J = relative.J;
+    J.leftCols<6>() = (J.leftCols<6>() * body_jacobian(a)).eval();
+    J.rightCols<6>() = (J.rightCols<6>() * body_jacobian(b)).eval();
+    motion.covariance = J * marginals->two_poses(a, b) * J.transpose();
+    return motion;
+}
+
 }  // namespace
 
 Estimate publish(const Model& model, const Objective& objective, const State& state,
-                 NormalEquations* equations, bool& singular) {
+                 const std::vector<int>& keyframes, NormalEquations* equations, bool& singular) {
     const Gauge gauge = make_gauge(model, state);
     const Eigen::Matrix3d& A = gauge.T_Wp_W.R;
     Estimate estimate;
@@ -285,6 +324,9 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
         }
         estimate.landmarks.push_back(landmark);
     }
+    for (size_t k = 1; k < keyframes.size(); ++k)
+        estimate.keyframe_motions.push_back(motion_between(
+            model, state, marginals ? &*marginals : nullptr, keyframes[k - 1], keyframes[k]));
     return estimate;
 }
 

@@ -36,6 +36,15 @@ cv::Mat to_grey(const cv::Mat& image) {
     return grey;
 }
 
+// 8-bit BGR of an image of any depth; empty if it is grey.
+cv::Mat to_colour(const cv::Mat& image) {
+    cv::Mat colour;
+    if (image.channels() == 3) colour = image;
+    if (image.channels() == 4) cv::cvtColor(image, colour, cv::COLOR_BGRA2BGR);
+    if (colour.depth() == CV_16U) colour.convertTo(colour, CV_8U, 1.0 / 256);
+    return colour;
+}
+
 // Where the rawlog's external images are: MRPT's own search, whose code misses the separator
 // between folder and name.
 fs::path images_directory(const std::string& file) {
@@ -214,14 +223,14 @@ void Recording::Impl::check_stamp(mrpt::Clock::time_point stamp) const {
 }
 
 cv::Mat Recording::Impl::load(const mrpt::img::CImage& image) const {
-    if (!image.isExternallyStored()) return to_grey(image.asCvMatRef());
+    if (!image.isExternallyStored()) return image.asCvMatRef();
     const fs::path path = images_dir / image.getExternalStorageFile();
-    const cv::Mat grey =  // OpenCV itself would print a warning
-        fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_GRAYSCALE) : cv::Mat();
-    if (grey.empty())
+    const cv::Mat loaded =  // OpenCV itself would print a warning
+        fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
+    if (loaded.empty())
         throw objects.error("image file " + path.string() +
                             " is missing or damaged; keep it beside the rawlog");
-    return grey;
+    return loaded;
 }
 
 ImageMessage Recording::Impl::convert_image(const CObservationImage& observation) const {
@@ -233,7 +242,8 @@ ImageMessage Recording::Impl::convert_image(const CObservationImage& observation
                             std::to_string(image.rows) + " px, its calibration " +
                             std::to_string(camera->width()) + "x" +
                             std::to_string(camera->height()) + "; give the matching calibration");
-    return {from_mrpt(observation.timestamp), image.clone()};
+    // Copies: the rawlog's object goes.
+    return {from_mrpt(observation.timestamp), to_grey(image).clone(), to_colour(image).clone()};
 }
 
 // Nothing for an observation of another sensor or kind.

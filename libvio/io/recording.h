@@ -14,7 +14,8 @@ namespace vio {
 
 struct ImageMessage {
     TimeNs t = 0;
-    cv::Mat image;  ///< 8-bit grey
+    cv::Mat image;        ///< 8-bit grey
+    cv::Mat colour = {};  ///< the same as 8-bit BGR; empty if the recording is grey
 };
 
 /// Odometry pose of the vehicle in its own frame.

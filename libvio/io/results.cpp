@@ -148,17 +148,4 @@ Rig read_results_rig(const std::string& folder) {
     return rig;
 }
 
-bool KeyframeSelector::takes(const FeatureFrame& frame) {
-    const auto& features = frame.features;
-    const auto shared =
-        std::count_if(features.begin(), features.end(),
-                      [&](const FeatureObservation& f) { return known_.count(f.feature_id); });
-    if (any_ && static_cast<double>(shared) >= overlap_ * static_cast<double>(known_.size()))
-        return false;
-    any_ = true;
-    known_.clear();
-    for (const FeatureObservation& f : features) known_.insert(f.feature_id);
-    return true;
-}
-
 }  // namespace vio

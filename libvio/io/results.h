@@ -2,7 +2,6 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -15,7 +14,7 @@ namespace vio {
 struct Results {
     Estimate estimate;
     Rig rig;                              ///< stored with the key-frames
-    std::vector<FeatureFrame> keyframes;  ///< frames for keyframes.simplemap (KeyframeSelector)
+    std::vector<FeatureFrame> keyframes;  ///< frames for keyframes.simplemap
     std::string options_ini;              ///< text of options.ini (OptionSet::to_ini)
     /// Caller's part of summary.json (an object). The writer adds images, landmarks, duration_s,
     /// path_length_m, gravity and has_scale.
@@ -40,19 +39,5 @@ Estimate read_results(const std::string& folder);
 /// The calibration that the run used, from calibration.ini; a rig without a camera where there is
 /// no such file. Throws as load_calibration().
 Rig read_results_rig(const std::string& folder);
-
-/// Picks frames that follow the motion: the first, and every one that shares less than a part of
-/// the features of the key-frame before.
-class KeyframeSelector {
- public:
-    explicit KeyframeSelector(double overlap = 0.6) : overlap_(overlap) {}
-    /// Whether the next frame is a key-frame.
-    bool takes(const FeatureFrame& frame);
-
- private:
-    double overlap_;
-    bool any_ = false;
-    std::set<FeatureId> known_;
-};
 
 }  // namespace vio

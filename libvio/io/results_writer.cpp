@@ -21,6 +21,7 @@
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/landmark_colour.h"
 #include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/pose_graph.h"
 #include "libvio/io/results.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -320,6 +321,7 @@ struct ResultsWriter::Impl {
     std::optional<PathFiles> path;
     std::optional<LandmarkSpool> landmarks;
     std::optional<KeyframeSpool> keyframes;
+    std::optional<PoseGraphWriter> graph;
     std::deque<FeatureFrame> waiting;  // key-frames, for their states
     StateEstimate last;
     WrittenPath written;
@@ -334,6 +336,7 @@ void ResultsWriter::Impl::open() {
     write_text(folder / "calibration.ini", calibration_text(rig));
     landmarks.emplace(folder / "landmarks.partial");
     keyframes.emplace(folder / "keyframes.partial", rig);
+    graph.emplace((folder / "keyframes.graph").string());
     path.emplace(folder);
 }
 
@@ -368,6 +371,7 @@ void ResultsWriter::add(const Estimate& piece) {
     if (!w.path && piece.states.empty()) return;
     if (!w.path) w.open();
     w.path->append(piece);
+    w.graph->add(piece);
     for (const StateEstimate& state : piece.states) {
         w.count(state);
         w.write_waiting_keyframe(state);
@@ -387,11 +391,6 @@ void ResultsWriter::add_keyframe(const FeatureFrame& frame) {
         w.waiting.push_back(frame);
 }
 
-void ResultsWriter::limit_waiting_keyframes(std::size_t most) {
-    auto& waiting = impl_->waiting;
-    while (waiting.size() > most) waiting.pop_front();
-}
-
 const WrittenPath& ResultsWriter::written() const {
     return impl_->written;
 }
@@ -400,6 +399,7 @@ void ResultsWriter::finish(const nlohmann::json& summary) {
     Impl& w = *impl_;
     w.written.landmarks = w.landmarks->finish(w.folder);
     w.keyframes->finish(w.folder);
+    w.graph->finish();
     const Estimate& estimate = w.parameters;
     nlohmann::json json = summary;
     json["images"] = w.written.poses;

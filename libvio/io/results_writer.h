@@ -36,9 +36,6 @@ class ResultsWriter {
 
     /// A frame for keyframes.simplemap: written if a state of its time comes, or came last.
     void add_keyframe(const FeatureFrame& frame);
-    /// Forgets the oldest key-frames that wait for their states, but for so many.
-    void limit_waiting_keyframes(std::size_t most);
-
     const WrittenPath& written() const;
 
     /// Completes the folder. summary: the caller's part of summary.json (an object); images,

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "libvio/geometry/relative_pose.h"
 #include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/filter_start.h"
 #include "libvio/recursive/landmark_update.h"
@@ -19,6 +20,7 @@
 #include "libvio/recursive/rest_update.h"
 #include "libvio/recursive/start_at_rest.h"
 #include "libvio/recursive/window.h"
+#include "libvio/tracking/keyframes.h"
 
 namespace vio {
 
@@ -99,6 +101,7 @@ struct Iekf::Impl {
     void take(const TimedFrame& image);
 
     void process_image(const TimedFrame& image) {
+        image_time = image.frame.t;
         move_to(image.t_imu);
         if (!abandoned) {
             sort_features(image.frame);
@@ -109,6 +112,7 @@ struct Iekf::Impl {
         use_window_points();
         judge(image.frame.t);
         report(image.frame.t, used);
+        follow_keyframes(image.frame);
     }
 
     // ---- Steps ---------------------------------------------------------------------------------
@@ -135,6 +139,8 @@ struct Iekf::Impl {
     bool contradicts();
     void judge(TimeNs t);
     void report(TimeNs t, int features);
+    void follow_keyframes(const FeatureFrame& frame);
+    void end_keyframe();
     void note_landmark(int idx);
     void give_up(const std::vector<bool>& remove);
     void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
@@ -158,6 +164,9 @@ struct Iekf::Impl {
     ImuReading now;  // of the state's time
     TimeNs started_at = 0;
     int image_idx = 0;
+    KeyframeSelector keyframes;
+    int keyframe_idx = 0;  // image of the last key-frame
+    TimeNs image_time = 0, keyframe_time = 0;
 
     // Of the image in work.
     std::vector<LandmarkSight> known;
@@ -228,6 +237,7 @@ void Iekf::Impl::try_start(const TimedFrame& image) {
         start_from_rest();
     else if (prefix.ready())
         start_from_prefix(queue.next_reading());
+    if (state && image_idx == 0) keyframes.take(image.frame);
 }
 
 void Iekf::Impl::start_from_rest() {
@@ -254,6 +264,7 @@ void Iekf::Impl::start_from_prefix(const ImuReading* next) {
                    (use_imu ? "; not at rest: " + rest.why_not() : std::string()));
         return;
     }
+    if (!restarting) result.keyframe_motions = start->keyframe_motions;
     begin_found(start->states, start->tail, start->states.front().T_W_B, start->states.front().t,
                 "started from a prefix of " + std::to_string(start->states.size()) +
                     " images with " + std::to_string(start->tail.landmarks.size()) + " points");
@@ -272,6 +283,7 @@ void Iekf::Impl::begin_found(const std::vector<StateEstimate>& states, const Bat
     }
     const auto joint = coasted.lower_bound(from_t);
     if (restarting && joint != coasted.end()) {
+        end_keyframe();  // the chain goes on from this image with the new state
         begin(continued(tail, from, joint->second), at);
         log(t, "re" + how);
     } else {
@@ -295,7 +307,8 @@ void Iekf::Impl::begin(const BatchTail& tail, const ImuReading& at) {
     state.emplace(started(
         tail, rig, *motion, at, omega_I,
         {options.consistency == "invariant", options.max_landmarks, options.new_point_sigma}));
-    image_idx = 0;
+    image_idx = keyframe_idx = 0;
+    image_time = keyframe_time = tail.state.t;
     window.clear();
     judged.clear();
 }
@@ -515,6 +528,36 @@ void Iekf::Impl::report(TimeNs t, int features) {
     }
 }
 
+// A new key-frame where the image shows too little of the last one, and before the last one's clone
+// is released: the motion between them then follows from the joint covariance of their clones.
+void Iekf::Impl::follow_keyframes(const FeatureFrame& frame) {
+    if (!keyframes.wants(frame) && image_idx - keyframe_idx < options.clones - 1) return;
+    keyframes.take(frame);
+    end_keyframe();
+}
+
+void Iekf::Impl::end_keyframe() {
+    const int a = state->find_clone(keyframe_idx), b = state->find_clone(image_idx);
+    if (a >= 0 && b >= 0 && a != b) {
+        const Pose T_I_B = rig.T_B_I.inverse();
+        const Pose &A = state->clones()[a].T_W_I, &B = state->clones()[b].T_W_I;
+        const RelativePose relative = relative_pose(A * T_I_B, B * T_I_B);
+        Eigen::Matrix<double, 6, 12> J = relative.J;
+        J.leftCols<6>() = (J.leftCols<6>() * right_compose_jacobian(A, T_I_B)).eval();
+        J.rightCols<6>() = (J.rightCols<6>() * right_compose_jacobian(B, T_I_B)).eval();
+        const auto P_all = state->covariance();
+        const int at[2] = {state->clone_offset(a), state->clone_offset(b)};
+        Eigen::Matrix<double, 12, 12> P;
+        for (int r = 0; r < 2; ++r)
+            for (int c = 0; c < 2; ++c)
+                P.block<6, 6>(6 * r, 6 * c) = P_all.block<6, 6>(at[r], at[c]);
+        result.keyframe_motions.push_back(
+            {keyframe_time, image_time, relative.T_A_B, J * P * J.transpose()});
+    }
+    keyframe_idx = image_idx;
+    keyframe_time = image_time;
+}
+
 // Notes a landmark's estimate for the result.
 void Iekf::Impl::note_landmark(int i) {
     const LandmarkState& landmark = state->landmarks()[i];
@@ -565,7 +608,11 @@ void Iekf::finish() {
     // A recording shorter than a prefix has at least its batch estimate.
     if (!impl_->state && !impl_->given_start && impl_->prefix.images() >= kShortestPrefix)
         impl_->start_from_prefix(nullptr);
-    if (impl_->state) impl_->give_up(std::vector<bool>(impl_->state->landmarks().size(), true));
+    if (impl_->state) {
+        impl_->state->settle();
+        impl_->end_keyframe();
+        impl_->give_up(std::vector<bool>(impl_->state->landmarks().size(), true));
+    }
     if (impl_->queue.dropped() > 0)
         impl_->log(impl_->camera_time(impl_->now.t),
                    std::to_string(impl_->queue.dropped()) +
@@ -591,6 +638,7 @@ Estimate Iekf::take() {
     Estimate taken = result;
     result.states.clear();
     result.landmarks.clear();
+    result.keyframe_motions.clear();
     return taken;
 }
 

@@ -102,7 +102,8 @@ std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
             return fail(printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
                                 options_.start_tilt_sigma));
     }
-    return Start{std::move(result.estimate.states), std::move(*result.tail)};
+    return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
+                 std::move(*result.tail)};
 }
 
 }  // namespace vio

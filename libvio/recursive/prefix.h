@@ -29,6 +29,7 @@ class Prefix {
 
     struct Start {
         std::vector<StateEstimate> states;
+        std::vector<RelativeMotion> keyframe_motions;  ///< the last to the last image
         BatchTail tail;
     };
     /// Start at the last image; nothing if it cannot be trusted, with the reason in why().

@@ -116,19 +116,6 @@ TEST(Results, NameTheFileThatIsWrong) {
     }
 }
 
-TEST(KeyframeSelector, TakesTheFirstAndWhereTheViewHasChanged) {
-    KeyframeSelector selector(0.6);
-    std::vector<TimeNs> taken;
-    for (int i = 0; i < 10; ++i) {
-        FeatureFrame frame{i, {}};
-        for (int k = 0; k < 10; ++k)
-            frame.features.push_back({i + k, {0, 0}, Eigen::Matrix2d::Identity()});
-        if (selector.takes(frame)) taken.push_back(frame.t);
-    }
-    // 5: the first with fewer than six of ten in common.
-    EXPECT_EQ(taken, (std::vector<TimeNs>{0, 5}));
-}
-
 // Read at any moment the files hold what has come until then, and the whole is the same whether it
 // came at once or in pieces.
 TEST(ResultsWriter, GrowsByValidRowsToTheSameFiles) {
