@@ -58,6 +58,7 @@ class Batch final : public Estimator {
     }
 
     Estimate take() override { return std::exchange(result_.estimate, {}); }
+    std::vector<LandmarkEstimate> landmarks() const override { return {}; }
     std::string report() const override {
         const BatchReport& r = result_.report;
         std::ostringstream text;
@@ -96,6 +97,9 @@ class Recursive final : public Estimator {
         Estimate piece = filter_.take();
         started_ = started_ || !piece.states.empty();
         return piece;
+    }
+    std::vector<LandmarkEstimate> landmarks() const override {
+        return filter_.estimate().landmarks;
     }
     std::string report() const override { return ""; }
     std::vector<StatusEntry> events() const override { return filter_.status(); }

@@ -23,6 +23,8 @@ class Estimator {
     /// What has become final since the last call (Iekf::take); all of it after finish(), for the
     /// batch estimator only then.
     virtual Estimate take() = 0;
+    /// Landmarks in the state, which are not final yet; none of the batch.
+    virtual std::vector<LandmarkEstimate> landmarks() const = 0;
     /// How the minimisation went, in words; empty for the filter, whose events tell.
     virtual std::string report() const = 0;
     /// What happened on the way: starts, losses of track.

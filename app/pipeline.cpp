@@ -158,12 +158,17 @@ void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator
                 ++report.repeated_messages;
                 continue;
             }
-            if (has_tracks && std::holds_alternative<ImageMessage>(*message)) continue;
+            if (const auto* image = std::get_if<ImageMessage>(&*message)) {
+                output.add(*image);
+                if (has_tracks) continue;
+            }
             if (const auto* reading = std::get_if<ImuReading>(&*message))
                 timed(report.estimation_s, [&] { feeder.add(*reading); });
             feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
             front_end.end_tracks(estimator.take_rejected());
             timed(report.input_output_s, [&] { output.add(estimator.take()); });
+            if (output.scene_due())
+                timed(report.picture_s, [&] { output.write_scene(estimator.landmarks()); });
             progress.update(recording.progress());
         }
     } catch (const InputError& damage) {

@@ -29,6 +29,7 @@ struct RunRequest {
     bool use_imu = true;             ///< false: from images alone
     std::string output;              ///< results folder
     bool overwrite = false;          ///< results that are in the folder already
+    int scene_every = 0;             ///< images between scenes that are written on the way; 0: none
     std::string truth_file;          ///< drawn into the picture; empty: none
     std::string fiducials_file;      ///< known points for the batch estimator; empty: none
     std::string start_folder;        ///< results that the batch estimate starts from; empty: none

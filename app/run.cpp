@@ -7,6 +7,7 @@
 
 #include "app/commands.h"
 #include "app/pipeline.h"
+#include "libvio/io/mapping_application.h"
 
 namespace vio::app {
 namespace {
@@ -14,9 +15,36 @@ namespace {
 struct Arguments {
     RunRequest request;
     std::string sensors = "image+imu", start, config;
+    std::vector<std::string> files;  // [CONFIG] RAWLOG
     std::vector<std::string> assignments;
     bool print_options = false;
 };
+
+// As MRPT's SLAM programs take them: a configuration, a rawlog, or both.
+void sort_files(Arguments& arguments) {
+    for (const std::string& file : arguments.files) {
+        const bool config = std::filesystem::path(file).extension() == ".ini";
+        std::string& place = config ? arguments.config : arguments.request.rawlog;
+        if (!place.empty())
+            throw InputError(file + ": " + place + " is given already; a run has one " +
+                             (config ? "configuration" : "rawlog"));
+        place = file;
+    }
+}
+
+// What the command line leaves open, from the section of MRPT's SLAM programs.
+void apply_mapping_application(const std::string& config, RunRequest& request) {
+    const auto keys = read_mapping_application(config);
+    if (!keys) return;
+    const auto fill = [](std::string& place, const std::string& value) {
+        if (place.empty()) place = value;
+    };
+    fill(request.rawlog, keys->rawlog_file);
+    fill(request.output, keys->logOutput_dir);
+    fill(request.truth_file, keys->ground_truth_file);
+    if (request.scene_every == 0 && keys->SAVE_3D_SCENES)
+        request.scene_every = keys->SAVE_LOG_FREQUENCY;
+}
 
 // Built-in defaults, then the file, then the command line.
 void apply_options(Arguments& arguments, OptionSet& options) {
@@ -52,6 +80,7 @@ void print(const RunReport& r, const RunRequest& request) {
 
 void run(Arguments arguments) {
     RunRequest& request = arguments.request;
+    sort_files(arguments);
     OptionSet options;
     request.options.describe(options);
     apply_options(arguments, options);
@@ -59,9 +88,14 @@ void run(Arguments arguments) {
         std::cout << options.to_ini();
         return;
     }
+    if (!arguments.config.empty()) apply_mapping_application(arguments.config, request);
     if (request.rawlog.empty()) throw InputError("RAWLOG is missing; see vio-slam run --help");
     if (request.output.empty())
         throw InputError("--output DIR is missing: the folder for the results");
+    if (request.scene_every > 0 && request.estimator != "iekf")
+        throw InputError(
+            "scenes on the way (--scene-every, SAVE_3D_SCENES) are for --estimator iekf: the batch "
+            "estimate comes at the end");
     if (!request.fiducials_file.empty() && request.estimator != "batch")
         throw InputError("--fiducials is for --estimator batch");
     if (!request.start_folder.empty() && request.estimator != "batch")
@@ -84,7 +118,13 @@ void add_run(CLI::App& program) {
         program.add_subcommand("run", "Estimate motion and structure from a rawlog");
     auto arguments = std::make_shared<Arguments>();
     RunRequest& request = arguments->request;
-    command->add_option("RAWLOG", request.rawlog, "MRPT rawlog with images or features, and IMU");
+    command
+        ->add_option(
+            "FILES", arguments->files,
+            "[CONFIG.ini] RAWLOG: MRPT rawlog with images or features, and IMU; before it, "
+            "if wanted, an INI file with options, whose [MappingApplication] may name the "
+            "rawlog and the output as for MRPT's SLAM programs")
+        ->expected(0, 2);
     command->add_option("-o,--output", request.output, "Folder for the results (made if missing)");
     command->add_option("--estimator", request.estimator, "Recursive filter or batch")
         ->check(CLI::IsMember({"iekf", "batch"}))
@@ -101,6 +141,10 @@ void add_run(CLI::App& program) {
                      "Results folder that the batch estimate starts from")
         ->excludes("--start");
     command->add_option("--config", arguments->config, "INI file with options");
+    command
+        ->add_option("--scene-every", request.scene_every,
+                     "Write scene and picture into scenes/ after every so many images")
+        ->check(CLI::PositiveNumber);
     command
         ->add_option("--set", arguments->assignments,
                      "One option as section.name=value; may be repeated")

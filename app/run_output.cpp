@@ -1,5 +1,6 @@
 #include "app/run_output.h"
 
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "app/picture.h"
@@ -54,18 +55,21 @@ const Estimate& Sketch::estimate() {
 RunOutput::RunOutput(const RunRequest& request, const Rig& rig)
     : folder_(request.output),
       rig_(rig),
-      writer_(request.output, rig, effective_options(request), request.overwrite) {
-    // The filter's prefix is no longer than twice this.
-    if (request.estimator == "iekf")
-        most_recent_ = 4 * static_cast<std::size_t>(request.options.iekf.prefix_images);
-}
+      writer_(request.output, rig, effective_options(request), request.overwrite),
+      // The filter's prefix is no longer than half of this.
+      most_recent_(request.estimator == "iekf" ? 4L * request.options.iekf.prefix_images
+                                               : std::numeric_limits<long>::max() / 2),
+      painter_(most_recent_),
+      scenes_(std::make_unique<SceneSeries>(request.output, rig, request.scene_every)) {}
 
 void RunOutput::add(const FeatureFrame& frame) {
+    painter_.add(frame);
     recent_.push_back(frame);
-    if (recent_.size() > most_recent_) recent_.pop_front();
+    if (static_cast<long>(recent_.size()) > most_recent_) recent_.pop_front();
 }
 
-void RunOutput::add(const Estimate& piece) {
+void RunOutput::add(Estimate piece) {
+    painter_.paint(piece.landmarks);
     for (const RelativeMotion& motion : piece.keyframe_motions)
         for (const TimeNs t : {motion.from, motion.to}) {
             while (!recent_.empty() && recent_.front().t < t) recent_.pop_front();
@@ -73,8 +77,18 @@ void RunOutput::add(const Estimate& piece) {
             writer_.add_keyframe(recent_.front());
             recent_.pop_front();
         }
+    const int before = writer_.written().poses;
     writer_.add(piece);
     sketch_.add(piece);
+    for (int image = before + 1; image <= writer_.written().poses; ++image)
+        scene_due_ = scene_due_ || scenes_->due(image);
+}
+
+void RunOutput::write_scene(const std::vector<LandmarkEstimate>& landmarks) {
+    scene_due_ = false;
+    Estimate estimate = sketch_.estimate();
+    estimate.landmarks.insert(estimate.landmarks.end(), landmarks.begin(), landmarks.end());
+    scenes_->write(writer_.written().poses, estimate);
 }
 
 void RunOutput::finish(const nlohmann::json& summary) {
@@ -82,6 +96,7 @@ void RunOutput::finish(const nlohmann::json& summary) {
 }
 
 std::string RunOutput::draw(const NamedPath& truth) {
+    scenes_.reset();  // its renderer must go before another one comes
     return write_picture(sketch_.estimate(), rig_, truth, folder_);
 }
 

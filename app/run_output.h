@@ -2,12 +2,14 @@
 #pragma once
 
 #include <deque>
-#include <limits>
 #include <map>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "app/painter.h"
 #include "app/pipeline.h"
+#include "app/scene_series.h"
 #include "gui_offscreen/scene.h"
 #include "libvio/base/estimate.h"
 #include "libvio/io/results.h"
@@ -35,11 +37,18 @@ class RunOutput {
  public:
     RunOutput(const RunRequest& request, const Rig& rig);
 
+    /// For the landmarks' colours; before its features.
+    void add(const ImageMessage& image) { painter_.add(image); }
     /// An image's features have gone to the estimator.
     void add(const FeatureFrame& frame);
-    void add(const Estimate& piece);
+    void add(Estimate piece);
     const WrittenPath& written() const { return writer_.written(); }
     bool has_scale() { return sketch_.estimate().has_scale; }
+
+    /// Whether a scene is due, and what it shows beside what has been added: landmarks that are
+    /// still in the estimator's state.
+    bool scene_due() const { return scene_due_; }
+    void write_scene(const std::vector<LandmarkEstimate>& landmarks);
 
     /// Call after the last piece, if there were states.
     void finish(const nlohmann::json& summary);
@@ -51,7 +60,10 @@ class RunOutput {
     Rig rig_;
     ResultsWriter writer_;
     std::deque<FeatureFrame> recent_;  // of which the estimator makes key-frames
-    std::size_t most_recent_ = std::numeric_limits<std::size_t>::max();
+    long most_recent_;
+    Painter painter_;
+    std::unique_ptr<SceneSeries> scenes_;
+    bool scene_due_ = false;
     Sketch sketch_;
 };
 

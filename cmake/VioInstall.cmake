@@ -20,4 +20,5 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/vio-config-version.cmake
 install(FILES
   ${PROJECT_BINARY_DIR}/vio-config.cmake ${PROJECT_BINARY_DIR}/vio-config-version.cmake
   ${CMAKE_CURRENT_LIST_DIR}/VioDependencies.cmake ${CMAKE_CURRENT_LIST_DIR}/FindOpenCVModules.cmake
+  ${CMAKE_CURRENT_LIST_DIR}/FindCAMD.cmake
   DESTINATION ${vio_package_dir})

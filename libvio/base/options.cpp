@@ -134,8 +134,9 @@ void OptionSet::load(const std::string& ini_file) {
     for (const std::string& section : sections) {
         const bool ours = std::any_of(options_.begin(), options_.end(),
                                       [&](const Option& o) { return o.section == section; });
+        // The section of MRPT's own programs is read elsewhere.
+        any = any || ours || section == "MappingApplication";
         if (!ours) continue;
-        any = true;
         std::vector<std::string> keys;
         ini.getAllKeys(section, keys);
         for (const std::string& key : keys)

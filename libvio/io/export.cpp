@@ -1,8 +1,6 @@
 #include "libvio/io/export.h"
 
 #include <Eigen/Geometry>
-#include <bit>
-#include <cstring>
 
 #include "libvio/io/landmark_colour.h"
 #include "libvio/io/text.h"
@@ -34,11 +32,13 @@ std::string viewpoint(const Pose& T_W_C, const std::string& name) {
 }
 
 std::string vrml_points(const Estimate& estimate) {
-    const LandmarkColours colours(estimate.landmarks);
+    const LandmarkColours colours(estimate.landmarks, natural_colour(estimate.landmarks));
     std::string points, colors;
     for (const LandmarkEstimate& landmark : estimate.landmarks) {
         points += joined(landmark.p_W, " ") + ",\n";
-        colors += joined(Eigen::Vector3d(colours.rgb(landmark).cast<double>() / 255), " ") + ",\n";
+        const Rgb rgb = colours.rgb(landmark);
+        colors +=
+            joined(Eigen::Vector3d(Eigen::Vector3d(rgb[0], rgb[1], rgb[2]) / 255), " ") + ",\n";
     }
     return "Shape { geometry PointSet {\ncoord Coordinate { point [\n" + points +
            "] }\ncolor Color { color [\n" + colors + "] }\n} }\n";
@@ -53,14 +53,6 @@ std::string vrml_path(const Estimate& estimate) {
     return "Shape {\nappearance Appearance { material Material { emissiveColor 0.1 0.4 0.9 } }\n"
            "geometry IndexedLineSet {\ncoord Coordinate { point [\n" +
            points + "] }\ncoordIndex [ " + indices + "-1 ]\n} }\n";
-}
-
-template <typename Number>
-void append_little_endian(std::string& bytes, Number value) {
-    static_assert(std::endian::native == std::endian::little);
-    char raw[sizeof(Number)];
-    std::memcpy(raw, &value, sizeof(Number));
-    bytes.append(raw, sizeof(Number));
 }
 
 }  // namespace
@@ -94,32 +86,13 @@ void write_euroc(const std::string& file, const Estimate& estimate) {
 void write_vrml(const std::string& file, const Estimate& estimate, const Pose& T_B_C) {
     constexpr size_t kMostViewpoints = 50;
     std::string text =
-        "#VRML V2.0 utf8\n# Metres in W, z up: landmarks coloured by uncertainty (blue: well "
-        "known), path of B, the camera's views\n";
+        "#VRML V2.0 utf8\n# Metres in W, z up: landmarks, path of B, the camera's views\n";
     const size_t step = (estimate.states.size() + kMostViewpoints - 1) / kMostViewpoints;
     for (size_t i = 0; i < estimate.states.size(); i += step)
         text += viewpoint(estimate.states[i].T_W_B * T_B_C, format_seconds(estimate.states[i].t));
     if (!estimate.landmarks.empty()) text += vrml_points(estimate);
     if (estimate.states.size() > 1) text += vrml_path(estimate);
     write_text(file, text);
-}
-
-void write_binary_ply(const std::string& file, const Estimate& estimate) {
-    std::string bytes =
-        "ply\nformat binary_little_endian 1.0\ncomment landmarks in W [m]\n"
-        "element vertex " +
-        std::to_string(estimate.landmarks.size()) + "\n";
-    for (const char* name : {"x", "y", "z"}) bytes += std::string("property double ") + name + "\n";
-    for (const char* name : {"red", "green", "blue"})
-        bytes += std::string("property uchar ") + name + "\n";
-    bytes += "end_header\n";
-    const LandmarkColours colours(estimate.landmarks);
-    for (const LandmarkEstimate& landmark : estimate.landmarks) {
-        for (int k = 0; k < 3; ++k) append_little_endian(bytes, landmark.p_W(k));
-        const Eigen::Vector3i rgb = colours.rgb(landmark);
-        for (int k = 0; k < 3; ++k) append_little_endian(bytes, static_cast<std::uint8_t>(rgb(k)));
-    }
-    write_text(file, bytes);
 }
 
 }  // namespace vio

@@ -22,7 +22,4 @@ void write_euroc(const std::string& file, const Estimate& estimate);
 /// of up to 50 poses, through which a viewer can fly. T_B_C: the camera in the body frame.
 void write_vrml(const std::string& file, const Estimate& estimate, const Pose& T_B_C);
 
-/// Landmarks as binary PLY: x y z [m] in double precision, red green blue of their uncertainty.
-void write_binary_ply(const std::string& file, const Estimate& estimate);
-
 }  // namespace vio

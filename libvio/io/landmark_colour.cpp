@@ -1,11 +1,13 @@
 #include "libvio/io/landmark_colour.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
 namespace vio {
-
 namespace {
+
+constexpr Rgb kUnknown = {128, 128, 128};
 
 std::vector<double> distances_of(const std::vector<LandmarkEstimate>& landmarks) {
     std::vector<double> distances;
@@ -15,21 +17,31 @@ std::vector<double> distances_of(const std::vector<LandmarkEstimate>& landmarks)
 
 }  // namespace
 
-LandmarkColours::LandmarkColours(const std::vector<LandmarkEstimate>& landmarks)
-    : LandmarkColours(distances_of(landmarks)) {}
+LandmarkColour natural_colour(const std::vector<LandmarkEstimate>& landmarks) {
+    return std::any_of(landmarks.begin(), landmarks.end(),
+                       [](const LandmarkEstimate& landmark) { return landmark.rgb.has_value(); })
+               ? LandmarkColour::kImage
+               : LandmarkColour::kUncertainty;
+}
 
-LandmarkColours::LandmarkColours(std::vector<double> distances) {
+LandmarkColours::LandmarkColours(const std::vector<LandmarkEstimate>& landmarks,
+                                 LandmarkColour kind)
+    : LandmarkColours(distances_of(landmarks), kind) {}
+
+LandmarkColours::LandmarkColours(std::vector<double> distances, LandmarkColour kind) : kind_(kind) {
     if (distances.empty()) return;
     const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
     scale_ = std::max(*middle, 1e-12);
 }
 
-Eigen::Vector3i LandmarkColours::rgb(const LandmarkEstimate& landmark) const {
+Rgb LandmarkColours::rgb(const LandmarkEstimate& landmark) const {
+    if (kind_ == LandmarkColour::kImage) return landmark.rgb.value_or(kUnknown);
     const double sigma = std::sqrt(std::max(0.0, landmark.covariance.trace()));
     const double share = std::clamp(sigma / (0.1 * scale_), 0.0, 1.0);
-    return {static_cast<int>(40 + 200 * share), static_cast<int>(110 * (1 - share) + 40),
-            static_cast<int>(240 - 200 * share)};
+    return {static_cast<std::uint8_t>(40 + 200 * share),
+            static_cast<std::uint8_t>(110 * (1 - share) + 40),
+            static_cast<std::uint8_t>(240 - 200 * share)};
 }
 
 }  // namespace vio

@@ -1,23 +1,35 @@
 // Colours of landmarks in files.
 #pragma once
 
-#include <Eigen/Dense>
+#include <array>
+#include <cstdint>
 #include <vector>
 
 #include "libvio/base/estimate.h"
 
 namespace vio {
 
-/// Blue where a landmark is well known, red where its standard deviation is a tenth of the
-/// structure's median distance from W's origin or more.
+using Rgb = std::array<std::uint8_t, 3>;
+
+enum class LandmarkColour {
+    kImage,       ///< as in the images; grey where not known
+    kUncertainty  ///< blue: well known, red: a tenth of the median distance or worse
+};
+
+/// Image colours where any landmark has one.
+LandmarkColour natural_colour(const std::vector<LandmarkEstimate>& landmarks);
+
 class LandmarkColours {
  public:
-    explicit LandmarkColours(const std::vector<LandmarkEstimate>& landmarks);
+    LandmarkColours(const std::vector<LandmarkEstimate>& landmarks, LandmarkColour kind);
     /// The same from the distances of the landmarks from W's origin [m].
-    explicit LandmarkColours(std::vector<double> distances);
-    Eigen::Vector3i rgb(const LandmarkEstimate& landmark) const;  ///< 0 to 255 each
+    LandmarkColours(std::vector<double> distances, LandmarkColour kind);
+
+    LandmarkColour kind() const { return kind_; }
+    Rgb rgb(const LandmarkEstimate& landmark) const;
 
  private:
+    LandmarkColour kind_;
     double scale_ = 1;  ///< median distance [m]
 };
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "libvio/io/calibration_file.h"
+#include "libvio/io/ply.h"
 #include "libvio/io/results_writer.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -64,23 +65,6 @@ void read_states(const std::string& file, Estimate& estimate) {
     }
 }
 
-void read_ply(const std::string& file, Estimate& estimate) {
-    TextRows rows(file);
-    while (rows.next() && rows.text(0) != "end_header") continue;
-    while (rows.next()) {
-        rows.require(14);
-        LandmarkEstimate landmark;
-        for (int k = 0; k < 3; ++k) landmark.p_W(k) = rows.number(static_cast<size_t>(k));
-        landmark.id = rows.integer(6);
-        landmark.observations = static_cast<int>(rows.integer(7));
-        size_t field = 8;
-        for (int r = 0; r < 3; ++r)
-            for (int c = r; c < 3; ++c)
-                landmark.covariance(r, c) = landmark.covariance(c, r) = rows.number(field++);
-        estimate.landmarks.push_back(landmark);
-    }
-}
-
 void read_summary(const std::string& file, Estimate& estimate) {
     try {
         const auto json = nlohmann::json::parse(read_text(file));
@@ -136,7 +120,7 @@ Estimate read_results(const std::string& folder) {
     };
     optional("trajectory_cov.txt", read_covariances);
     optional("states.csv", read_states);
-    optional("landmarks.ply", read_ply);
+    if (fs::exists(file("landmarks.ply"))) estimate.landmarks = read_ply(file("landmarks.ply"));
     optional("summary.json", read_summary);
     return estimate;
 }

@@ -1,16 +1,7 @@
 #include "libvio/io/results_writer.h"
 
-#include <mrpt/io/CFileGZOutputStream.h>
-#include <mrpt/io/CFileOutputStream.h>
-#include <mrpt/io/CMemoryStream.h>
-#include <mrpt/maps/CSimpleMap.h>
-#include <mrpt/obs/CSensoryFrame.h>
-#include <mrpt/poses/CPose3DPDFGaussian.h>
-#include <mrpt/serialization/CArchive.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
-#include <cstdio>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -19,7 +10,8 @@
 #include <vector>
 
 #include "libvio/io/calibration_file.h"
-#include "libvio/io/landmark_colour.h"
+#include "libvio/io/keyframe_spool.h"
+#include "libvio/io/landmark_spool.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/pose_graph.h"
 #include "libvio/io/results.h"
@@ -133,181 +125,6 @@ struct PathFiles {
     GrowingText poses, covariances, interpolator, states;
 };
 
-// ---- Landmarks ----------------------------------------------------------------------------------
-
-/// Landmarks on disk in order of arrival; in memory only while they are put in order.
-class LandmarkSpool {
- public:
-    explicit LandmarkSpool(const std::string& file)
-        : file_(file), out_(file, std::ios::binary | std::ios::trunc) {}
-
-    void add(const LandmarkEstimate& landmark) {
-        Record r{};
-        r.id = landmark.id;
-        r.observations = landmark.observations;
-        std::copy_n(landmark.p_W.data(), 3, r.p_W);
-        int at = 0;
-        for (int row = 0; row < 3; ++row)
-            for (int col = row; col < 3; ++col) r.covariance[at++] = landmark.covariance(row, col);
-        out_.write(reinterpret_cast<const char*>(&r), sizeof r);
-        if (!out_) throw disk_full(file_);
-    }
-
-    /// landmarks.ply and landmarks.txt, in order of id; returns how many there are.
-    int finish(const fs::path& folder) {
-        if (!out_.flush()) throw disk_full(file_);
-        in_.open(file_, std::ios::binary);
-        sort();
-        write_complete(folder / "landmarks.ply", [&](const std::string& name) { write_ply(name); });
-        write_complete(folder / "landmarks.txt",
-                       [&](const std::string& name) { write_text(name); });
-        in_.close();
-        fs::remove(file_);
-        return static_cast<int>(order_.size());
-    }
-
- private:
-    struct Record {
-        std::int64_t id, observations;
-        double p_W[3], covariance[6];
-    };
-    struct Place {
-        FeatureId id;
-        std::int64_t record;
-    };
-
-    LandmarkEstimate read(std::int64_t record) {
-        in_.seekg(record * static_cast<std::int64_t>(sizeof(Record)));
-        Record r{};
-        if (!in_.read(reinterpret_cast<char*>(&r), sizeof r))
-            throw InputError(file_ + ": cannot be read back");
-        LandmarkEstimate landmark;
-        landmark.id = r.id;
-        landmark.observations = static_cast<int>(r.observations);
-        landmark.p_W = Vector3d(r.p_W);
-        int at = 0;
-        for (int row = 0; row < 3; ++row)
-            for (int col = row; col < 3; ++col)
-                landmark.covariance(row, col) = landmark.covariance(col, row) = r.covariance[at++];
-        return landmark;
-    }
-
-    // The last record of each id, and the colours.
-    void sort() {
-        const auto count = static_cast<std::int64_t>(fs::file_size(file_) / sizeof(Record));
-        for (std::int64_t i = 0; i < count; ++i) order_.push_back({read(i).id, i});
-        std::sort(order_.begin(), order_.end(), [](const Place& a, const Place& b) {
-            return std::pair(a.id, -a.record) < std::pair(b.id, -b.record);
-        });
-        const auto same = [](const Place& a, const Place& b) { return a.id == b.id; };
-        order_.erase(std::unique(order_.begin(), order_.end(), same), order_.end());
-        std::vector<double> distances;
-        for (const Place& place : order_) distances.push_back(read(place.record).p_W.norm());
-        colours_ = LandmarkColours(std::move(distances));
-    }
-
-    void write_ply(const std::string& name) {
-        std::ofstream out(name, std::ios::binary);
-        out << "ply\nformat ascii 1.0\n"
-               "comment landmarks in W [m]; covariance of the position [m^2]; colour by "
-               "uncertainty\n"
-            << "element vertex " << order_.size() << "\n";
-        for (const char* axis : {"x", "y", "z"}) out << "property double " << axis << "\n";
-        for (const char* part : {"red", "green", "blue"}) out << "property uchar " << part << "\n";
-        out << "property int id\nproperty int observations\n";
-        for (const char* pair : {"xx", "xy", "xz", "yy", "yz", "zz"})
-            out << "property double covariance_" << pair << "\n";
-        out << "end_header\n";
-        for (const Place& place : order_) {
-            const LandmarkEstimate l = read(place.record);
-            for (int k = 0; k < 3; ++k) out << format(l.p_W(k)) << ' ';
-            out << colours_.rgb(l).transpose() << ' ' << l.id << ' ' << l.observations;
-            for (int r = 0; r < 3; ++r)
-                for (int c = r; c < 3; ++c) out << ' ' << format(l.covariance(r, c));
-            out << '\n';
-        }
-        if (!out.flush()) throw disk_full(name);
-    }
-
-    // As mrpt::maps::CSimplePointsMap writes and reads it.
-    void write_text(const std::string& name) {
-        std::ofstream out(name, std::ios::binary);
-        char row[128];
-        for (const Place& place : order_) {
-            const Eigen::Vector3f p = read(place.record).p_W.cast<float>();
-            std::snprintf(row, sizeof row, "%f %f %f\n", double(p.x()), double(p.y()),
-                          double(p.z()));
-            out << row;
-        }
-        if (!out.flush()) throw disk_full(name);
-    }
-
-    std::string file_;
-    std::ofstream out_;
-    std::ifstream in_;
-    std::vector<Place> order_;
-    LandmarkColours colours_{std::vector<double>{}};
-};
-
-// ---- Key-frames ---------------------------------------------------------------------------------
-
-/// The elements of a CSimpleMap on disk. MRPT's class holds them all in memory; its serialised form
-/// is a head, their number, the elements, and an end mark.
-class KeyframeSpool {
- public:
-    KeyframeSpool(const std::string& file, const Rig& rig) : file_(file), rig_(rig), out_(file) {
-        register_mrpt_classes();
-        if (!out_.fileOpenCorrectly()) throw disk_full(file_);
-    }
-
-    void add(const FeatureFrame& frame, const StateEstimate& state) {
-        auto features = std::make_shared<CObservationFeatures>(to_mrpt(frame));
-        features->cameraPose = to_mrpt(rig_.T_B_C);
-        features->cameraParams = to_mrpt(rig_.camera);
-        features->sensorLabel = "camera";
-        mrpt::obs::CSensoryFrame sensors;
-        sensors.insert(features);
-        const Matrix6d covariance = state.covariance.topLeftCorner<6, 6>();
-        auto archive = mrpt::serialization::archiveFrom(out_);
-        archive << to_mrpt(state.T_W_B, covariance) << sensors;
-        ++count_;
-    }
-
-    void finish(const fs::path& folder) {
-        out_.close();
-        write_complete(folder / "keyframes.simplemap", [&](const std::string& name) {
-            if (!write_map(name)) throw disk_full(name);
-        });
-        fs::remove(file_);
-    }
-
- private:
-    bool write_map(const std::string& name) const {
-        mrpt::io::CMemoryStream empty;
-        mrpt::serialization::archiveFrom(empty) << mrpt::maps::CSimpleMap();
-        const auto* bytes = static_cast<const char*>(empty.getRawBufferData());
-        const size_t size = empty.getTotalBytesCount();
-        constexpr size_t kEnd = 1;
-        mrpt::io::CFileGZOutputStream gz;
-        if (!gz.open(name)) return false;
-        gz.Write(bytes, size - kEnd - sizeof count_);
-        gz.Write(&count_, sizeof count_);
-        std::ifstream elements(file_, std::ios::binary);
-        std::vector<char> chunk(1 << 16);
-        while (elements.read(chunk.data(), static_cast<std::streamsize>(chunk.size())),
-               elements.gcount() > 0)
-            gz.Write(chunk.data(), static_cast<size_t>(elements.gcount()));
-        gz.Write(bytes + size - kEnd, kEnd);
-        gz.close();
-        return true;
-    }
-
-    std::string file_;
-    Rig rig_;
-    mrpt::io::CFileOutputStream out_;
-    std::uint32_t count_ = 0;
-};
-
 }  // namespace
 
 struct ResultsWriter::Impl {
@@ -397,8 +214,11 @@ const WrittenPath& ResultsWriter::written() const {
 
 void ResultsWriter::finish(const nlohmann::json& summary) {
     Impl& w = *impl_;
-    w.written.landmarks = w.landmarks->finish(w.folder);
-    w.keyframes->finish(w.folder);
+    w.landmarks->close();
+    w.landmarks->write(w.folder);
+    w.keyframes->finish((w.folder / "keyframes.simplemap").string(), *w.landmarks);
+    w.written.landmarks = w.landmarks->count();
+    w.landmarks->remove();
     w.graph->finish();
     const Estimate& estimate = w.parameters;
     nlohmann::json json = summary;

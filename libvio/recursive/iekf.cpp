@@ -629,6 +629,10 @@ const Estimate& Iekf::estimate() const {
     return result;
 }
 
+const StateEstimate* Iekf::newest() const {
+    return impl_->result.states.empty() ? nullptr : &impl_->result.states.back();
+}
+
 Estimate Iekf::take() {
     Estimate& result = impl_->result;
     result.landmarks.clear();

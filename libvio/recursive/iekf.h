@@ -74,6 +74,8 @@ class Iekf {
     /// States at all images so far (those of the prefix from its batch estimate), and every
     /// landmark that was ever in the state with its last estimate; without what was taken.
     const Estimate& estimate() const;
+    /// The last state; null before the start. Unlike estimate(), costs nothing.
+    const StateEstimate* newest() const;
     /// What has become final since the last call: states, and landmarks that have left the state;
     /// after finish() the others too. Memory is bounded if this is called again and again.
     Estimate take();

@@ -1,0 +1,55 @@
+// Landmarks of a run of any length: on disk until their files are written.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libvio/base/estimate.h"
+#include "libvio/io/landmark_colour.h"
+
+namespace vio {
+
+/// Landmarks in order of arrival; in memory only their ids, while they are put in order.
+class LandmarkSpool {
+ public:
+    explicit LandmarkSpool(const std::string& file);
+
+    /// Of several with one id the last counts. Throws InputError if the disk is full.
+    void add(const LandmarkEstimate& landmark);
+
+    /// Ends the adding.
+    void close();
+    int count() const { return static_cast<int>(order_.size()); }
+    /// After close().
+    std::optional<LandmarkEstimate> find(FeatureId id);
+    /// Writes landmarks.ply and landmarks.txt, in order of id. After close(). Throws InputError.
+    void write(const std::filesystem::path& folder);
+    /// Forgets all, and removes the file.
+    void remove();
+
+ private:
+    struct Record {
+        std::int64_t id, observations;
+        double p_W[3], covariance[6];
+        std::uint8_t rgb[3], has_rgb;
+    };
+    struct Place {
+        FeatureId id;
+        std::int64_t record;
+    };
+
+    LandmarkEstimate read(std::int64_t record);
+    void write_ply(const std::string& name);
+    void write_text(const std::string& name);
+
+    std::string file_;
+    std::ofstream out_;
+    std::ifstream in_;
+    std::vector<Place> order_;
+    LandmarkColour colour_ = LandmarkColour::kUncertainty;
+};
+
+}  // namespace vio

@@ -1,0 +1,45 @@
+// What the observations of a rawlog, or of live sensors, say to the library.
+#pragma once
+
+#include <mrpt/obs/CObservation.h>
+#include <mrpt/obs/CObservationIMU.h>
+
+#include <functional>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+#include "libvio/camera/rig.h"
+#include "libvio/io/recording.h"
+
+namespace vio {
+
+/// The camera and the IMU that are used, as their observations describe them.
+struct Sensors {
+    std::string camera_label, imu_label;
+    bool camera = false, imu = false, images = false, features = false;
+    Rig rig;
+    std::string camera_elsewhere;           ///< model of a camera that is described in a file
+    std::string other_cameras, other_imus;  ///< labels seen, for an error message
+    TimeNs first_camera = 0, last_camera = 0;
+
+    /// The first camera and the first IMU, or those with the labels of the options, are taken; what
+    /// is known already stays. Throws InputError (the reason only) for a calibration that MRPT
+    /// cannot mean.
+    void see(const mrpt::obs::CObservation& observation, const RecordingOptions& options);
+
+ private:
+    void see_camera(const mrpt::obs::CObservation& observation, const RecordingOptions& options,
+                    const mrpt::img::TCamera& params);
+    void see_imu(const mrpt::obs::CObservationIMU& observation, const RecordingOptions& options);
+};
+
+/// Pixels of an image that is stored outside the observation. Throws InputError (the reason only).
+using ImageLoader = std::function<cv::Mat(const std::string& file)>;
+
+/// The observation as a measurement; nothing for one of another sensor or kind. Throws InputError
+/// (the reason only) for what no sensor can have measured.
+std::optional<Message> to_message(const mrpt::obs::CObservation& observation,
+                                  const Sensors& sensors, const ImageLoader& load);
+
+}  // namespace vio
