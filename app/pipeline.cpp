@@ -240,6 +240,7 @@ RunReport run_pipeline(const RunRequest& request) {
     read_and_track(recording, front_end, *estimator, feeder, output, Part(request), report);
     timed(report.estimation_s, [&] { estimator->finish(); });
     timed(report.input_output_s, [&] { output.add(estimator->take()); });
+    if (output.scene_due()) timed(report.picture_s, [&] { output.write_scene({}); });
     report.estimator_says = estimator->report();
     report.events = estimator->events();
     report.converged = estimator->converged();

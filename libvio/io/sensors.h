@@ -1,6 +1,7 @@
 // What the observations of a rawlog, or of live sensors, say to the library.
 #pragma once
 
+#include <mrpt/img/TCamera.h>
 #include <mrpt/obs/CObservation.h>
 #include <mrpt/obs/CObservationIMU.h>
 

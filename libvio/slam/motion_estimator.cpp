@@ -1,6 +1,7 @@
 #include "libvio/slam/motion_estimator.h"
 
 #include <mrpt/core/initializer.h>
+#include <mrpt/img/CImage.h>
 
 #include <deque>
 #include <filesystem>

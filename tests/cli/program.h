@@ -23,11 +23,13 @@ inline std::string read_text(const std::string& file) {
     return text.str();
 }
 
-/// Runs `vio-slam ARGUMENTS` through the shell; folder receives its output meanwhile.
-inline ProgramResult vio_slam(const std::string& arguments, const std::string& folder) {
+/// Runs `vio-slam ARGUMENTS` through the shell; folder receives its output meanwhile. environment:
+/// assignments for this run.
+inline ProgramResult vio_slam(const std::string& arguments, const std::string& folder,
+                              const std::string& environment = "") {
     const std::string out = folder + "/stdout.txt", err = folder + "/stderr.txt";
-    const std::string command =
-        std::string("'") + VIO_SLAM_PROGRAM + "' " + arguments + " >'" + out + "' 2>'" + err + "'";
+    const std::string command = environment + " '" + VIO_SLAM_PROGRAM + "' " + arguments + " >'" +
+                                out + "' 2>'" + err + "'";
     const int status = std::system(command.c_str());
     ProgramResult result;
     if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);

@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <sstream>
+#include <utility>
 #include <vector>
 
 #include "libvio/base/errors.h"
 #include "libvio/io/export.h"
+#include "libvio/io/ply.h"
 #include "libvio/io/trajectory_io.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -103,23 +106,63 @@ TEST(Export, VrmlHoldsPathLandmarksAndViewsAlongTheCameraAxes) {
     EXPECT_LT((turn * Eigen::Vector3d::UnitY() + T_W_C.R.col(1)).norm(), 1e-12);
 }
 
-TEST(Export, BinaryPlyHoldsEveryLandmark) {
-    const test::ScratchFolder folder;
-    const Estimate estimate = made_estimate();
-    write_binary_ply(folder / "map.ply", estimate);
-    const std::string bytes = content(folder / "map.ply");
-    const size_t begin = bytes.find("end_header\n") + 11;
-    constexpr size_t kRow = 3 * sizeof(double) + 3;
-    ASSERT_EQ(bytes.size(), begin + kRow * estimate.landmarks.size());
-    for (size_t i = 0; i < estimate.landmarks.size(); ++i) {
-        Eigen::Vector3d p;
-        std::memcpy(p.data(), bytes.data() + begin + i * kRow, sizeof(p));
-        EXPECT_EQ(p, estimate.landmarks[i].p_W);
+// The properties that a PLY's head names, in order, with their sizes.
+std::vector<std::pair<std::string, size_t>> properties(const std::string& text) {
+    std::vector<std::pair<std::string, size_t>> found;
+    std::istringstream lines(text.substr(0, text.find("end_header")));
+    for (std::string line; std::getline(lines, line);) {
+        std::istringstream words(line);
+        std::string property, type, name;
+        if (words >> property >> type >> name && property == "property")
+            found.emplace_back(name, type == "double" ? 8 : type == "int" ? 4 : 1);
     }
-    const auto blue = [&](size_t i) {
-        return static_cast<unsigned char>(bytes[begin + i * kRow + kRow - 1]);
+    return found;
+}
+
+TEST(Ply, BinaryHoldsEveryNumberInTheOrderOfItsHead) {
+    const test::ScratchFolder folder;
+    const auto landmarks = made_estimate().landmarks;
+    write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty, true);
+    const std::string bytes = content(folder / "map.ply");
+    std::map<std::string, size_t> place;
+    size_t row = 0;
+    for (const auto& [name, size] : properties(bytes)) place[name] = std::exchange(row, row + size);
+    const size_t begin = bytes.find("end_header\n") + 11;
+    ASSERT_EQ(bytes.size(), begin + row * landmarks.size());
+    const auto read = [&](size_t i, const char* name, auto number) {
+        std::memcpy(&number, bytes.data() + begin + i * row + place.at(name), sizeof number);
+        return number;
     };
-    EXPECT_GT(blue(0), blue(8)) << "the better known is bluer";
+    for (size_t i = 0; i < landmarks.size(); ++i) {
+        EXPECT_EQ(Eigen::Vector3d(read(i, "x", 0.), read(i, "y", 0.), read(i, "z", 0.)),
+                  landmarks[i].p_W);
+        EXPECT_EQ(read(i, "id", 0), landmarks[i].id);
+        EXPECT_EQ(read(i, "observations", 0), landmarks[i].observations);
+        EXPECT_EQ(read(i, "covariance_zz", 0.), landmarks[i].covariance(2, 2));
+    }
+    const std::uint8_t byte = 0;
+    EXPECT_GT(read(0, "blue", byte), read(8, "blue", byte)) << "the better known is bluer";
+    EXPECT_LT(read(0, "red", byte), read(8, "red", byte));
+}
+
+TEST(Ply, TextReadsBackToTheBitWithTheColoursOfTheImages) {
+    const test::ScratchFolder folder;
+    auto landmarks = made_estimate().landmarks;
+    landmarks[3].rgb = {200, 100, 0};
+    ASSERT_EQ(natural_colour(landmarks), LandmarkColour::kImage);
+    write_ply(folder / "map.ply", landmarks, natural_colour(landmarks));
+    const auto back = read_ply(folder / "map.ply");
+    ASSERT_EQ(back.size(), landmarks.size());
+    for (size_t i = 0; i < back.size(); ++i) {
+        EXPECT_EQ(back[i].id, landmarks[i].id);
+        EXPECT_EQ(back[i].p_W, landmarks[i].p_W);
+        EXPECT_EQ(back[i].covariance, landmarks[i].covariance);
+        EXPECT_EQ(back[i].observations, landmarks[i].observations);
+    }
+    EXPECT_EQ(*back[3].rgb, (Rgb{200, 100, 0}));
+    EXPECT_EQ(*back[4].rgb, (Rgb{128, 128, 128})) << "not known";
+    write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty);
+    EXPECT_FALSE(read_ply(folder / "map.ply")[3].rgb);
 }
 
 TEST(Export, CannotWriteIntoNothing) {

@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
 #include <mrpt/maps/CSimpleMap.h>
+#include <mrpt/maps/CSimplePointsMap.h>
+#include <mrpt/obs/CObservationBearingRange.h>
+#include <mrpt/obs/CObservationPointCloud.h>
+#include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/poses/CPose3DInterpolator.h>
 
 #include <filesystem>
@@ -76,17 +80,62 @@ TEST(Results, ComeBackAsTheyWereWritten) {
     EXPECT_TRUE(back.has_scale);
 }
 
+mrpt::poses::CPose3D pose_of(const StateEstimate& state) {
+    return to_mrpt(state.T_W_B);
+}
+
 TEST(Results, AreReadByMrpt) {
     const test::ScratchFolder scratch;
     const std::string folder = scratch / "out";
     const Results results = made_results();
     write_results(folder, results);
+    size_t seen = 0;
     mrpt::maps::CSimpleMap map;
     ASSERT_TRUE(map.loadFromFile(folder + "/keyframes.simplemap"));
     ASSERT_EQ(map.size(), 5u);
+    for (size_t i = 0; i < map.size(); ++i) {
+        const StateEstimate& state = results.estimate.states[i];
+        mrpt::poses::CPose3DPDF::Ptr pdf;
+        mrpt::obs::CSensoryFrame::Ptr sensors;
+        map.get(i, pdf, sensors);
+        const PoseWithCovariance pose =
+            from_mrpt(dynamic_cast<const mrpt::poses::CPose3DPDFGaussian&>(*pdf));
+        EXPECT_LT(pose.pose.boxminus(state.T_W_B).norm(), 1e-12);
+        EXPECT_LT((pose.covariance - state.covariance.topLeftCorner<6, 6>()).norm(), 1e-12);
+        // Every program of MRPT's must know the classes: none of the project's own.
+        const auto sights = sensors->getObservationByClass<mrpt::obs::CObservationBearingRange>();
+        const auto cloud = sensors->getObservationByClass<mrpt::obs::CObservationPointCloud>();
+        ASSERT_TRUE(sights && cloud && sensors->size() == 2);
+        ASSERT_EQ(sights->sensedData.size(), cloud->pointcloud->size());
+        for (size_t k = 0; k < sights->sensedData.size(); ++k) {
+            const auto& sight = sights->sensedData[k];
+            const LandmarkEstimate& landmark =
+                results.estimate.landmarks.at(static_cast<size_t>(sight.landmarkID / 7));
+            // Bearing: yaw to the left, pitch downwards, as MRPT's poses turn.
+            const mrpt::poses::CPose3D turned(0, 0, 0, sight.yaw, sight.pitch, 0);
+            const auto by_sight = (pose_of(state) + sights->sensorLocationOnRobot + turned)
+                                      .composePoint(mrpt::math::TPoint3D(sight.range, 0, 0));
+            float x = 0, y = 0, z = 0;
+            cloud->pointcloud->getPoint(k, x, y, z);
+            const auto by_cloud =
+                (pose_of(state) + cloud->sensorPose).composePoint(mrpt::math::TPoint3D(x, y, z));
+            for (const auto& p : {by_sight, by_cloud})  // stored in single precision
+                EXPECT_LT((Eigen::Vector3d(p.x, p.y, p.z) - landmark.p_W).norm(), 2e-6);
+        }
+        seen += sights->sensedData.size();
+    }
+    EXPECT_EQ(seen, 3u) << "features 0, 7 and 14, each in one key-frame";
     mrpt::poses::CPose3DInterpolator path;
     ASSERT_TRUE(path.loadFromTextFile(folder + "/trajectory.txt"));
     ASSERT_EQ(path.size(), 5u);
+    mrpt::maps::CSimplePointsMap points;
+    ASSERT_TRUE(points.load3D_from_text_file(folder + "/landmarks.txt"));
+    ASSERT_EQ(points.size(), 3u);
+    for (size_t i = 0; i < 3; ++i) {
+        float x = 0, y = 0, z = 0;
+        points.getPoint(i, x, y, z);
+        EXPECT_LT((Eigen::Vector3d(x, y, z) - results.estimate.landmarks[i].p_W).norm(), 1e-6);
+    }
     const Pose last = from_mrpt(mrpt::poses::CPose3D(path.rbegin()->second));
     EXPECT_LT(last.boxminus(results.estimate.states.back().T_W_B).norm(), 1e-12);
 }

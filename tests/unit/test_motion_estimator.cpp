@@ -93,7 +93,7 @@ TEST(MotionEstimator, OfTheBatchAnswersAtTheEnd) {
 
 TEST(MotionEstimator, TakesOptionsAndHandsThemToItsCopies) {
     const auto estimator = made("vio::RecursiveEstimator");
-    estimator->set_option("iekf.prefix_images=1000000");
+    estimator->set_option("iekf.prefix_images=1000");
     EXPECT_THROW(estimator->set_option("iekf.fly=1"), InputError);
     EXPECT_THROW(estimator->load_options("/nonexistent.ini"), InputError);
     EXPECT_THROW(estimator->set_calibration("/nonexistent.ini"), InputError);
