@@ -1,0 +1,139 @@
+// Pictures look as they did: compared with stored ones as an eye would, not bit by bit, since
+// OpenGL drivers round differently. VIO_UPDATE_PICTURES=1 stores them anew (look at them before a
+// commit).
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "gui_offscreen/framing.h"
+#include "gui_offscreen/snapshot.h"
+
+namespace vio {
+namespace {
+
+/// Share of the pixels whose colours differ visibly (by more than 6 of CIELAB, where 2.3 is just
+/// noticeable side by side), once what is finer than the eye resolves at a normal size is blurred.
+double visible_difference(const cv::Mat& a, const cv::Mat& b) {
+    if (a.size() != b.size()) return 1;
+    const auto seen = [](const cv::Mat& image) {
+        cv::Mat lab;
+        image.convertTo(lab, CV_32F, 1.0 / 255);
+        cv::GaussianBlur(lab, lab, {}, 1.5);
+        cv::cvtColor(lab, lab, cv::COLOR_BGR2Lab);
+        return lab;
+    };
+    const cv::Mat p = seen(a), q = seen(b);
+    int different = 0;
+    for (int y = 0; y < p.rows; ++y)
+        for (int x = 0; x < p.cols; ++x)
+            different += cv::norm(p.at<cv::Vec3f>(y, x) - q.at<cv::Vec3f>(y, x)) > 6;
+    return double(different) / double(p.total());
+}
+
+constexpr double kAlike = 0.002;
+
+/// A figure of eight before a wall, with a lost stretch; the same on every machine.
+Estimate eight() {
+    Estimate estimate;
+    estimate.g_W = {0, 0, -9.81};
+    for (int i = 0; i < 200; ++i) {
+        const double a = 2 * M_PI * i / 200;
+        StateEstimate state;
+        state.t = i * TimeNs{50'000'000};
+        state.T_W_B = {look_along({std::cos(a), std::cos(2 * a), 0}),
+                       {2 * std::sin(a), 1.5 * std::sin(2 * a), 0.3 * std::cos(a)}};
+        state.covariance = 1e-3 * Matrix15d::Identity();
+        state.lost = i > 100 && i < 120;
+        estimate.states.push_back(state);
+    }
+    for (int i = 0; i < 400; ++i) {
+        const double u = std::fmod(0.618034 * i, 1.0), v = std::fmod(0.754878 * i, 1.0);
+        LandmarkEstimate landmark;
+        landmark.id = i;
+        landmark.p_W = {6 * u - 3, 2, 3 * v - 1.5};
+        landmark.covariance = (1e-4 + 1e-3 * u) * Eigen::Matrix3d::Identity();
+        estimate.landmarks.push_back(landmark);
+    }
+    return estimate;
+}
+
+std::vector<NamedPath> truth(const Estimate& estimate) {
+    NamedPath path{"truth", {}};
+    for (const StateEstimate& state : estimate.states) path.poses.push_back({state.t, state.T_W_B});
+    for (TimedPose& row : path.poses) row.T_W_B.p += Eigen::Vector3d(0.1, 0.05, 0);
+    return {path};
+}
+
+struct Case {
+    const char* name;
+    View view;
+    bool dark;
+};
+const Case kCases[] = {{"iso", View::kIso, false},
+                       {"iso_dark", View::kIso, true},
+                       {"top", View::kTop, false},
+                       {"side_dark", View::kSide, true},
+                       {"chase", View::kChase, false}};
+
+Snapshot drawn(const Case& c, const Estimate& estimate, double turn = 0) {
+    SceneOptions scene;
+    scene.dark = c.dark;
+    SnapshotOptions picture;
+    picture.width = 640;
+    picture.height = 360;
+    picture.view = c.view;
+    picture.turn = turn;
+    return render_snapshot(build_scene(estimate, scene, truth(eight())), picture);
+}
+
+std::string stored(const Case& c) {
+    return std::string(VIO_SOURCE_DIR "/tests/golden/pictures/") + c.name + ".png";
+}
+
+TEST(Pictures, LookAsStored) {
+    for (const Case& c : kCases) {
+        const Snapshot snapshot = drawn(c, eight());
+        if (!snapshot.problem.empty()) GTEST_SKIP() << snapshot.problem;
+        if (std::getenv("VIO_UPDATE_PICTURES")) save_image(snapshot.image, stored(c));
+        const cv::Mat expected = cv::imread(stored(c));
+        ASSERT_FALSE(expected.empty()) << stored(c);
+        const double difference = visible_difference(snapshot.image, expected);
+        const std::string seen = std::filesystem::temp_directory_path() /
+                                 (std::string("vio_picture_") + c.name + ".png");
+        if (difference > kAlike) save_image(snapshot.image, seen);
+        EXPECT_LE(difference, kAlike) << c.name << ": compare " << seen << " with " << stored(c);
+    }
+}
+
+// What the comparison must and must not notice.
+TEST(Pictures, TheComparisonSeesWhatAnEyeSees) {
+    const Snapshot whole = drawn(kCases[0], eight());
+    if (!whole.problem.empty()) GTEST_SKIP() << whole.problem;
+    const auto difference = [&](const Estimate& other, double turn = 0) {
+        return visible_difference(whole.image, drawn(kCases[0], other, turn).image);
+    };
+    Estimate found = eight(), bare = eight(), upright = eight();
+    for (StateEstimate& state : found.states) state.lost = false;
+    bare.landmarks.clear();
+    upright.g_W.setZero();
+    EXPECT_GT(difference(found), kAlike) << "the lost stretch";
+    EXPECT_GT(difference(bare), kAlike) << "the landmarks";
+    EXPECT_GT(difference(upright), kAlike) << "gravity's arrow";
+    EXPECT_GT(difference(eight(), 0.03), kAlike) << "a view turned by two degrees";
+
+    // A driver's rounding: a level of grey here and there, edges a third of a pixel on.
+    cv::Mat noise(whole.image.size(), CV_8UC3), shifted;
+    cv::theRNG().state = 1;
+    cv::randu(noise, 0, 2);
+    const cv::Mat move = (cv::Mat_<double>(2, 3) << 1, 0, 0.3, 0, 1, 0.3);
+    cv::warpAffine(whole.image + noise, shifted, move, whole.image.size(), cv::INTER_LINEAR,
+                   cv::BORDER_REPLICATE);
+    EXPECT_LE(visible_difference(whole.image, shifted), kAlike);
+}
+
+}  // namespace
+}  // namespace vio
