@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "gui_offscreen/framing.h"
+#include "gui_offscreen/scene.h"
 #include "gui_offscreen/snapshot.h"
 
 namespace vio {
@@ -125,11 +126,12 @@ TEST(Pictures, TheComparisonSeesWhatAnEyeSees) {
     EXPECT_GT(difference(upright), kAlike) << "gravity's arrow";
     EXPECT_GT(difference(eight(), 0.03), kAlike) << "a view turned by two degrees";
 
-    // A driver's rounding: a level of grey here and there, edges a third of a pixel on.
+    // A driver's rounding: a level of grey here and there, corners snapped to sixteenths of a
+    // pixel.
     cv::Mat noise(whole.image.size(), CV_8UC3), shifted;
     cv::theRNG().state = 1;
     cv::randu(noise, 0, 2);
-    const cv::Mat move = (cv::Mat_<double>(2, 3) << 1, 0, 0.3, 0, 1, 0.3);
+    const cv::Mat move = (cv::Mat_<double>(2, 3) << 1, 0, 1.0 / 16, 0, 1, 1.0 / 16);
     cv::warpAffine(whole.image + noise, shifted, move, whole.image.size(), cv::INTER_LINEAR,
                    cv::BORDER_REPLICATE);
     EXPECT_LE(visible_difference(whole.image, shifted), kAlike);
