@@ -1,6 +1,6 @@
 // Feeds observations one by one to an estimator that is made by name, and prints poses as they
 // come:
-//   follow_motion vio::RecursiveEstimator RECORDING.rawlog > poses.tum
+//   follow_motion vio::RecursiveEstimator NAME.rawlog NAME.calibration.ini > poses.tum
 // A live program does the same with the observations of its drivers.
 #include <mrpt/io/CFileGZInputStream.h>
 #include <mrpt/obs/CObservation.h>
@@ -22,10 +22,11 @@ void print(const vio::MotionEstimator::StampedPose& pose) {
                 p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.r());
 }
 
-int follow(const std::string& name, const std::string& rawlog) {
+int follow(const std::string& name, const std::string& rawlog, const std::string& calibration) {
     const auto estimator =
         std::dynamic_pointer_cast<vio::MotionEstimator>(mrpt::rtti::classFactory(name));
     if (!estimator) throw std::runtime_error(name + ": no such estimator");
+    estimator->set_calibration(calibration);  // the IMU's noise, which no observation holds
     mrpt::io::CFileGZInputStream file;
     if (!file.open(rawlog)) throw std::runtime_error(rawlog + ": cannot be read");
     auto archive = mrpt::serialization::archiveFrom(file);
@@ -47,8 +48,9 @@ int follow(const std::string& name, const std::string& rawlog) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-    if (argc == 3) return follow(argv[1], argv[2]);
-    std::cerr << "usage: follow_motion vio::RecursiveEstimator|vio::BatchEstimator RAWLOG\n";
+    if (argc == 4) return follow(argv[1], argv[2], argv[3]);
+    std::cerr
+        << "usage: follow_motion vio::RecursiveEstimator|vio::BatchEstimator RAWLOG CALIBRATION\n";
     return 2;
 } catch (const std::exception& error) {
     std::cerr << "follow_motion: " << error.what() << '\n';
