@@ -31,7 +31,8 @@ class Batch final : public Estimator {
         if (!request.fiducials_file.empty())
             problem_.fiducials = read_fiducials(request.fiducials_file);
         if (!request.start_folder.empty()) start_ = read_results(request.start_folder);
-        if (options_.start != "iekf" || start_) return;
+        const bool automatic = options_.start == "auto" && problem_.fiducials.empty();
+        if ((!automatic && options_.start != "iekf") || start_) return;
         if (!problem_.fiducials.empty())
             throw InputError(
                 "--start iekf knows no fiducials: its path is not in their frame; use staged");
@@ -55,6 +56,7 @@ class Batch final : public Estimator {
             result_.report.reason = "the recursive estimator gave no start";
         else
             result_ = estimate_batch(problem_, options_, start_);
+        if (starter_ && options_.start == "auto" && !result_.report.converged) start_anew();
     }
 
     Estimate take() override { return std::exchange(result_.estimate, {}); }
@@ -77,6 +79,15 @@ class Batch final : public Estimator {
     std::vector<FeatureId> take_rejected() override { return {}; }
 
  private:
+    // Grows the estimate from a prefix instead; keeps what there is if that is no better.
+    void start_anew() {
+        BatchResult grown = estimate_batch(problem_, options_);
+        if (!grown.report.converged && !result_.estimate.states.empty()) return;
+        grown.report.reason +=
+            " (from a staged start; from the recursive estimate: " + result_.report.reason + ")";
+        result_ = std::move(grown);
+    }
+
     BatchProblem problem_;
     BatchOptions options_;
     std::optional<Iekf> starter_;    // if the start is to come from it

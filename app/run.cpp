@@ -135,7 +135,7 @@ void add_run(CLI::App& program) {
     command
         ->add_option("--start", arguments->start,
                      "Where the batch estimate starts (short for --set batch.start=...)")
-        ->check(CLI::IsMember({"blind", "staged"}));
+        ->check(CLI::IsMember({"auto", "blind", "staged", "iekf"}));
     command
         ->add_option("--start-from", request.start_folder,
                      "Results folder that the batch estimate starts from")

@@ -58,6 +58,8 @@ if [[ -d $DATA/euroc_mh01_15s ]]; then
     "$VIO_SLAM" import asl "$DATA/euroc_mh01_15s" -o "$OUT/mh01.rawlog" >/dev/null
     mh01=("$OUT/mh01.rawlog" "$OUT/mh01.truth.tum" se3 2)
     row "MH_01 15 s, batch" "${mh01[@]}" --estimator batch
+    row "MH_01 15 s, batch, image-only" "$OUT/mh01.rawlog" "$OUT/mh01.truth.tum" sim3 0 \
+        --estimator batch --sensors image
     row "MH_01 15 s, IEKF" "${mh01[@]}" --estimator iekf
 fi
 
@@ -74,6 +76,7 @@ if [[ -d $DATA/euroc_imu_april ]]; then
     row "board, batch 20-40 s, fiducials" "$OUT/april.rawlog" "$OUT/board.tum" none part \
         --estimator batch --from 20 --to 40 \
         --fiducials "$DATA/euroc_imu_april/target.csv"
+    row "board, batch, 72 s" "${april[@]}" 0 --estimator batch
     row "board, IEKF, 72 s" "${april[@]}" 0 --estimator iekf
 fi
 
@@ -114,6 +117,7 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
     echo "V1_01 with recorded readings, simulated tracks"
     "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
+    row "V1_01 path, 137 s, batch" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator batch
     row "V1_01 path, 137 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
 fi
 

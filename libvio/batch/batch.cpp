@@ -31,9 +31,9 @@ void BatchOptions::describe(OptionSet& o) {
           "standard deviation of the gyro bias");
     o.add("loss", &loss, {"none", "huber", "cauchy"}, "robust loss of the image terms");
     o.add("loss_width", &loss_width, "standard deviations", {0.1, 100}, "width of the robust loss");
-    o.add("start", &start, {"blind", "staged", "iekf"},
-          "all images at once from nothing (section 4.6), grown from a prefix, or the recursive "
-          "estimate");
+    o.add("start", &start, {"auto", "blind", "staged", "iekf"},
+          "all images at once from nothing (blind, section 4.6), grown from a prefix (staged), or "
+          "the recursive estimate (iekf); auto: the recursive estimate, else staged");
     o.add("blind_distance", &blind_distance, "m", {1e-3, 1e4},
           "distance to which a blind start backprojects points");
     o.add("prefix_images", &prefix_images, "", {2, 1000}, "images that a staged start begins with");
@@ -172,21 +172,24 @@ void minimize_all(Course& course) {
     if (drop_outliers(course)) minimize_stage(course, stage, limits);
 }
 
-// Image-only motion has no scale: the largest distance from the first image is held.
-void hold_scale(const Model& model, const State& state, NormalEquations& equations) {
-    int farthest = 0;
-    const auto distance = [&](int i) {
-        return (state.frames[i].motion.p - state.frames[0].motion.p).norm();
-    };
-    for (int i = 1; i < model.frames(); ++i)
-        if (distance(i) > distance(farthest)) farthest = i;
-    if (distance(farthest) == 0) return;
-    const Eigen::Vector3d direction =
-        (state.frames[farthest].motion.p - state.frames[0].motion.p).normalized();
-    const double sigma = 1e-6 * distance(farthest);
-    const int block = equations.layout().pose_block(farthest);
-    equations.matrix.block(block, block).bottomRightCorner<3, 3>() +=
-        direction * direction.transpose() / (sigma * sigma);
+// Why the start that was tried led nowhere; empty: it did not.
+std::string failure_of_start(const Course& course) {
+    if (course.model.inertial && !gravity_known(course))
+        return "gravity was not found from the start that was tried";
+    constexpr double kUsualLimit = 5;
+    const double sigmas = course.options.outlier_sigmas;
+    const double limit2 = std::pow(sigmas > 0 ? sigmas : kUsualLimit, 2);
+    const Objective objective(course.model, course.options, {});
+    const auto& observations = course.model.observations;
+    const auto contradicting =
+        std::count_if(observations.begin(), observations.end(), [&](const Observation& o) {
+            return !(objective.observation_distance2(course.state, o) <= limit2);
+        });
+    if (2 * contradicting <= static_cast<std::ptrdiff_t>(observations.size())) return {};
+    return "the start that was tried led to an estimate that most observations contradict (" +
+           std::to_string(contradicting) + " of " + std::to_string(observations.size()) +
+           " by more than " + std::to_string(static_cast<int>(std::sqrt(limit2))) +
+           " sigma_px): try another start, or compare sigma_px with the tracks";
 }
 
 double seconds_since(Clock::time_point began) {
@@ -249,18 +252,17 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         start_staged(course);
     }
     course.sums.start_s = seconds_since(began);
-    BatchResult result;
-    if (course.model.inertial && !gravity_known(course)) {
-        result.report = make_report(course, began);
-        result.report.converged = false;
-        result.report.reason = "gravity was not found from the start that was tried";
-        return result;
-    }
 
     // 2. The minimum over everything, without outliers.
-    minimize_all(course);
-
+    if (!course.model.inertial || gravity_known(course)) minimize_all(course);
     course.sums.minimize_s = seconds_since(began) - course.sums.start_s;
+    BatchResult result;
+    if (const std::string failure = failure_of_start(course); !failure.empty()) {
+        result.report = make_report(course, began);
+        result.report.converged = false;
+        result.report.reason = failure;
+        return result;
+    }
 
     // 3. What is published: frames, covariances, and what they leave open.
     const Stage stage{options.gravity == "free", options.loss};
@@ -268,8 +270,6 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     NormalEquations equations(course.model, make_layout(course.model, options),
                               objective.threads());
     objective.linearize(course.state, equations);
-    if (!course.model.inertial && !course.model.surveyed())
-        hold_scale(course.model, course.state, equations);
     bool singular = false;
     result.estimate =
         publish(course.model, objective, course.state, select_keyframes(problem.frames),

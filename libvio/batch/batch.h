@@ -39,8 +39,9 @@ struct BatchOptions {
     double gyro_bias_sigma = 0.1;             ///< prior [rad/s]
     std::string loss = "cauchy";              ///< none | huber | cauchy
     double loss_width = 2.0;                  ///< in standard deviations
-    /// blind | staged | iekf: given by the caller, else staged. Ignored when a start is given.
-    std::string start = "staged";
+    /// auto | blind | staged | iekf. auto and iekf: given by the caller, else staged. Ignored when
+    /// a start is given.
+    std::string start = "auto";
     int prefix_images = 40;       ///< that a staged start begins with
     double blind_distance = 3.0;  ///< [m]
     int max_iterations = 200;
@@ -91,9 +92,12 @@ struct BatchResult {
 /// Runs the estimator. Image-only, images that see hardly any points get no state. `start`, if
 /// given, holds states of frames (by time); those of others follow by the inertial readings. Its
 /// landmarks are optional. Throws InputError for input that cannot be estimated from (too few
-/// images, no common features, IMU that does not cover the images). A failed start or minimisation,
-/// and quantities that remain undetermined, are reported
-/// (`converged` false, `reason`), not thrown.
+/// images, no common features, IMU that does not cover the images). A minimisation that does not
+/// end, and quantities that remain undetermined, are reported (`converged` false, `reason`), not
+/// thrown. So is a failed start (gravity not found, or most observations contradict where it led):
+/// its estimate is empty.
+/// Image-only, the distance of the image farthest from the first is held at what the start makes
+/// it.
 BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,
                            const std::optional<Estimate>& start = std::nullopt,
                            bool want_tail = false);

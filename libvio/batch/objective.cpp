@@ -118,6 +118,25 @@ double Objective::linearize_priors(const State& state, NormalEquations& eq) cons
     return cost;
 }
 
+// Image-only motion has no scale that deserves the name: cameras with one viewpoint see none, and
+// where the rays of others start tells so little of it that noise decides. The distance of the
+// image farthest from the first one is held.
+void Objective::hold_scale(const State& state, NormalEquations& equations) const {
+    const auto offset = [&](int i) -> Eigen::Vector3d {
+        return state.frames[i].motion.p - state.frames[0].motion.p;
+    };
+    int farthest = 0;
+    for (int i = 1; i < model_.frames(); ++i)
+        if (offset(i).norm() > offset(farthest).norm()) farthest = i;
+    const double distance = offset(farthest).norm();
+    if (!(distance > 0)) return;
+    const Eigen::Vector3d direction = offset(farthest) / distance;
+    const double sigma = 1e-6 * distance;
+    const int block = equations.layout().pose_block(farthest);
+    equations.matrix.block(block, block).bottomRightCorner<3, 3>() +=
+        direction * direction.transpose() / (sigma * sigma);
+}
+
 Cost Objective::linearize(const State& state, NormalEquations& equations) {
     reintegrate(state);
     equations.set_zero();
@@ -142,6 +161,7 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
     // The gauge: without a survey the first pose defines W.
     if (!model_.surveyed())
         for (int k = 0; k < 6; ++k) equations.hold(equations.layout().index(0, k));
+    if (!model_.inertial && !model_.surveyed()) hold_scale(state, equations);
     if (model_.inertial && !stage_.gravity_free)
         equations.hold(equations.layout().gravity_index() + 2);
     return cost;

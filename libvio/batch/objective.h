@@ -106,6 +106,7 @@ class Objective {
                               Eigen::Matrix<double, 9, 1>& global_g) const;
     double linearize_bias(const State& state, NormalEquations& equations) const;
     double linearize_priors(const State& state, NormalEquations& equations) const;
+    void hold_scale(const State& state, NormalEquations& equations) const;
     double prior_weight() const;
     Vector6d bias_walk_information(int i) const;
     Eigen::Matrix3d fiducial_information(const Fiducial& fiducial) const;

@@ -112,5 +112,65 @@ TEST(BatchConsistency, HoldsForTheArm) {
                       kSeeds);
 }
 
+ScenarioOptions arm(int seed) {
+    ScenarioOptions scenario =
+        ScenarioOptions::from_file(std::string(VIO_SOURCE_DIR) + "/datasets/perspective_arm.ini");
+    scenario.seed = seed;
+    return scenario;
+}
+
+// Table 4: on the arm, whose few points are seen badly, images alone are an order of magnitude
+// worse than with inertial data, and as good with perfect data: it is the noise that they cannot
+// stand.
+TEST(PaperClaims, ImagesAloneCannotStandTheArmsNoise) {
+    constexpr int kSeeds = 2;
+    double both = 0, alone = 0, alone_exact = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed)
+        for (const bool exact : {false, true}) {
+            ScenarioOptions scenario = arm(seed);
+            if (exact) scenario.track_model.noise_px = 0;
+            test::ScenarioRun run = test::run_scenario(scenario);
+            BatchOptions options;
+            options.sigma_px = 2;
+            options.loss = "none";
+            options.outlier_sigmas = 0;
+            options.covariances = false;
+            const BatchResult fused = estimate_batch(run.problem, options, run.truth);
+            run.problem.imu = {};
+            options.max_iterations = 60;
+            const BatchResult images = estimate_batch(run.problem, options, run.truth);
+            ASSERT_FALSE(images.estimate.states.empty()) << images.report.reason;
+            (exact ? alone_exact : alone) +=
+                test::errors_of(images.estimate, run.truth).position / kSeeds;
+            if (!exact) both += test::errors_of(fused.estimate, run.truth).position / kSeeds;
+        }
+    EXPECT_GT(alone, 10 * both);
+    EXPECT_LT(both, 0.01);
+    EXPECT_LT(alone_exact, 0.001);
+}
+
+// Fig. 8: over four decades of the fixed variances the error stays below 1 % of the path; beyond,
+// it does not.
+TEST(PaperClaims, FixedVariancesHardlyMatter) {
+    constexpr int kSeeds = 2;
+    const auto error = [&](double variance) {
+        double sum = 0;
+        for (int seed = 1; seed <= kSeeds; ++seed) {
+            const test::ScenarioRun run = test::run_scenario(arm(seed));
+            BatchOptions options = test::paper_options(variance, run.sigma_px);
+            options.covariances = false;
+            const BatchResult result = estimate_batch(run.problem, options, run.truth);
+            if (variance < 1e-3) {
+                EXPECT_TRUE(result.report.converged) << variance << result.report.reason;
+            }
+            sum += test::errors_of(result.estimate, run.truth).position / kSeeds;
+        }
+        return sum;
+    };
+    const double tight = error(1e-8), middle = error(1e-6), loose = error(1e-4);
+    for (const double e : {tight, middle, loose}) EXPECT_LT(e, 0.03);  // 1 % of the path
+    EXPECT_GT(error(1e-3), 2 * loose);
+}
+
 }  // namespace
 }  // namespace vio

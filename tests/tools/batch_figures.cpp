@@ -21,53 +21,9 @@ namespace {
 
 constexpr double kDegrees = 180 / M_PI;
 
-struct Errors {
-    double rotation = 0, position = 0, worst_position = 0, scale = 0;  // rad, m, m, share
-};
-
-// After a similarity alignment, as the paper's metrics.
-Errors errors_of(const Estimate& estimate, const Estimate& truth) {
-    std::vector<TimedPose> a, b;
-    for (const StateEstimate& s : estimate.states) a.push_back({s.t, s.T_W_B});
-    for (const StateEstimate& s : truth.states) b.push_back({s.t, s.T_W_B});
-    Eigen::Matrix3Xd from(3, a.size()), to(3, b.size());
-    for (size_t i = 0; i < a.size(); ++i) {
-        from.col(static_cast<Eigen::Index>(i)) = a[i].T_W_B.p;
-        to.col(static_cast<Eigen::Index>(i)) = b[i].T_W_B.p;
-    }
-    const Eigen::Matrix4d S = Eigen::umeyama(from, to, true);
-    const double scale = std::cbrt(S.topLeftCorner<3, 3>().determinant());
-    const Eigen::Matrix3d R = S.topLeftCorner<3, 3>() / scale;
-    Errors errors;
-    errors.scale = 1 / scale - 1;
-    for (size_t i = 0; i < a.size(); ++i) {
-        const Eigen::Vector3d p = S.topLeftCorner<3, 3>() * a[i].T_W_B.p + S.topRightCorner<3, 1>();
-        const double d = (p - b[i].T_W_B.p).norm();
-        errors.position += d / static_cast<double>(a.size());
-        errors.worst_position = std::max(errors.worst_position, d);
-        errors.rotation += so3::log(R * a[i].T_W_B.R * b[i].T_W_B.R.transpose()).norm() /
-                           static_cast<double>(a.size());
-    }
-    return errors;
-}
-
 ScenarioOptions scenario(const std::string& folder, const std::string& name, int seed) {
     ScenarioOptions options = ScenarioOptions::from_file(folder + "/" + name + ".ini");
     options.seed = seed;
-    return options;
-}
-
-// The paper's cost function: fixed variances, constant biases, free gravity.
-BatchOptions paper_options(double variance, double sigma_px) {
-    BatchOptions options;
-    options.sigma_px = sigma_px;
-    options.weighting = "fixed";
-    options.fixed_variance = variance;
-    options.bias = "constant";
-    options.gravity = "free";
-    options.loss = "none";
-    options.outlier_sigmas = 0;
-    options.start = "blind";
     return options;
 }
 

@@ -1,0 +1,281 @@
+// What the batch estimator publishes: covariances, robust losses, directional image noise,
+// failures.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "libvio/batch/marginals.h"
+#include "libvio/batch/minimize.h"
+#include "libvio/batch/start.h"
+#include "libvio/io/mrpt_conversions.h"
+#include "tests/simulated_batch.h"
+
+namespace vio::batch {
+namespace {
+
+test::SimulatedRunOptions short_run(unsigned seed = 1) {
+    test::SimulatedRunOptions options;
+    options.seed = seed;
+    options.seconds = 1;
+    options.features = 30;
+    options.longest_track = 8;
+    return options;
+}
+
+// A third of the points is surveyed, so that the published frame is the solver's.
+BatchProblem surveyed_problem(const test::SimulatedRun& run) {
+    BatchProblem problem = test::batch_problem(run);
+    for (size_t id = 0; id < run.point_of_feature.size(); id += 3)
+        problem.fiducials[static_cast<FeatureId>(id)] = {run.points[run.point_of_feature[id]],
+                                                         Eigen::Matrix3d::Identity() * 1e-4};
+    return problem;
+}
+
+// Inverse of the whole information matrix: reduced unknowns, then all points.
+Eigen::MatrixXd dense_covariance(NormalEquations& equations, const Model& model) {
+    const Layout& layout = equations.layout();
+    const int n = equations.matrix.size(), m = static_cast<int>(model.points.size());
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
+    for (int col = 0; col < static_cast<int>(layout.block_dims().size()); ++col)
+        for (int row : equations.matrix.rows(col))
+            A.block(equations.matrix.offset(row), equations.matrix.offset(col),
+                    equations.matrix.dim(row), equations.matrix.dim(col)) =
+                equations.matrix.block(row, col);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n + 3 * m, n + 3 * m);
+    H.topLeftCorner(n, n) = A.selfadjointView<Eigen::Lower>();
+    for (int j = 0; j < m; ++j) H.block<3, 3>(n + 3 * j, n + 3 * j) = equations.V[j];
+    for (size_t k = 0; k < model.observations.size(); ++k) {
+        const Observation& o = model.observations[k];
+        const int row = layout.index(o.frame_idx, 0), col = n + 3 * o.point_idx;
+        H.block<6, 3>(row, col) += equations.W[k];
+        H.block<3, 6>(col, row) += equations.W[k].transpose();
+    }
+    return H.inverse();
+}
+
+TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
+    const auto run = simulate_run(short_run());
+    const BatchProblem problem = surveyed_problem(run);
+    const BatchOptions options;
+    const Model model = make_model(problem, options, static_cast<int>(problem.frames.size()));
+    ASSERT_TRUE(model.surveyed());
+    State state = given_start(model, test::truth_of(run));
+    NormalEquations equations(model, make_layout(model, options));
+    Objective objective(model, options, {});
+    minimize(objective, equations, {}, state);
+    objective.linearize(state, equations);
+    const Eigen::MatrixXd dense = dense_covariance(equations, model);
+    const int n = equations.matrix.size();
+    bool singular = false;
+    const Estimate estimate = publish(model, objective, state, {}, &equations, singular);
+    ASSERT_FALSE(singular);
+    const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+        EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
+    };
+    const Layout& layout = equations.layout();
+    for (int i = 0; i < model.frames(); ++i) {
+        const int gyro = layout.index(i, kGyroBias), rotation = layout.index(i, kRotation);
+        const auto& C = estimate.states[i].covariance;
+        const Eigen::Matrix3d R_B_I = model.T_I_B.R.transpose();
+        close(C.block<3, 3>(kGyroBias, kGyroBias), dense.block<3, 3>(gyro, gyro));
+        close(C.block<3, 3>(kRotation, kRotation),
+              R_B_I * dense.block<3, 3>(rotation, rotation) * R_B_I.transpose());
+        close(C.block<3, 3>(kGyroBias, kRotation),
+              dense.block<3, 3>(gyro, rotation) * R_B_I.transpose());
+    }
+    std::map<FeatureId, int> column;
+    for (size_t j = 0; j < model.points.size(); ++j)
+        column[model.points[j].id] = n + 3 * static_cast<int>(j);
+    for (const LandmarkEstimate& landmark : estimate.landmarks) {
+        const int k = column.at(landmark.id);
+        close(landmark.covariance, dense.block<3, 3>(k, k));
+    }
+    // The joint of the last state and its points.
+    const auto tail = publish_tail(model, objective, state, equations);
+    ASSERT_TRUE(tail);
+    ASSERT_GT(tail->landmarks.size(), 5u);
+    std::vector<int> at{layout.index(model.frames() - 1, kGyroBias)};
+    for (const LandmarkEstimate& landmark : tail->landmarks) at.push_back(column.at(landmark.id));
+    for (size_t a = 0; a < at.size(); ++a)
+        for (size_t b = 0; b <= a; ++b) {
+            const auto place = [](size_t k) { return k == 0 ? 9 : 12 + 3 * static_cast<int>(k); };
+            const double scale = std::sqrt(dense.block<3, 3>(at[a], at[a]).norm() *
+                                           dense.block<3, 3>(at[b], at[b]).norm());
+            EXPECT_LT(
+                (tail->covariance.block<3, 3>(place(a), place(b)) - dense.block<3, 3>(at[a], at[b]))
+                    .norm(),
+                1e-6 * scale);
+        }
+}
+
+// As MRPT's pose with covariance in (x, y, z, yaw, pitch, roll): that of the marginal, mapped by
+// the numerical derivative of MRPT's own coordinates.
+TEST(BatchResults, PosePdfIsTheMarginal) {
+    const auto run = simulate_run(short_run());
+    const BatchResult result = estimate_batch(test::batch_problem(run), {});
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    for (size_t i = 1; i < result.estimate.states.size(); i += 4) {
+        const StateEstimate& state = result.estimate.states[i];
+        const Matrix6d C = state.covariance.topLeftCorner<6, 6>();
+        const auto pdf = to_mrpt(state.T_W_B, C);
+        const auto coordinates = [&](const Vector6d& error) {
+            const auto moved = to_mrpt(state.T_W_B.boxplus(error), C).mean;
+            Vector6d v;
+            v << moved.x(), moved.y(), moved.z(), moved.yaw(), moved.pitch(), moved.roll();
+            return v;
+        };
+        Matrix6d J;
+        for (int k = 0; k < 6; ++k)
+            J.col(k) =
+                (coordinates(1e-6 * Vector6d::Unit(k)) - coordinates(-1e-6 * Vector6d::Unit(k))) /
+                2e-6;
+        const Matrix6d expected = J * C * J.transpose();
+        EXPECT_LT((pdf.cov.asEigen() - expected).norm(), 1e-6 * expected.norm());
+    }
+}
+
+class BatchLoss : public ::testing::TestWithParam<std::string> {};
+
+// Where outliers are left in, a robust loss keeps them from deciding.
+TEST_P(BatchLoss, WithstandsOutliersThatAreLeftIn) {
+    double robust = 0, square = 0;
+    for (unsigned seed = 1; seed <= 3; ++seed) {
+        auto simulation = short_run(seed);
+        simulation.outliers = 0.01;
+        const auto run = simulate_run(simulation);
+        const auto error = [&](const std::string& loss) {
+            BatchOptions options;
+            options.loss = loss;
+            options.outlier_sigmas = 0;
+            options.covariances = false;
+            const BatchResult result =
+                estimate_batch(test::batch_problem(run), options, test::truth_of(run));
+            EXPECT_FALSE(result.estimate.states.empty()) << result.report.reason;
+            const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+            return test::state_error(result.estimate.states.back(), truth.states.back())
+                .segment<3>(kPosition)
+                .norm();
+        };
+        robust += error(GetParam());
+        square += error("none");
+    }
+    EXPECT_LT(robust, 0.5 * square);
+}
+
+// The IRLS gradient is that of the robust cost itself.
+TEST_P(BatchLoss, GradientIsTheDerivativeOfTheCost) {
+    auto simulation = short_run();
+    simulation.sigma_px = 3;  // so that many residuals are in the loss's tail
+    const auto run = simulate_run(simulation);
+    const BatchProblem problem = test::batch_problem(run);
+    const BatchOptions options;
+    const Model model = make_model(problem, options, static_cast<int>(problem.frames.size()));
+    State state = given_start(model, test::truth_of(run));
+    Objective objective(model, options, {false, GetParam()});
+    NormalEquations equations(model, make_layout(model, options));
+    objective.linearize(state, equations);
+    for (size_t j = 0; j < model.points.size(); j += 5)
+        for (int c = 0; c < 3; ++c) {
+            const auto cost = [&](double step) {
+                State moved = state;
+                moved.points[j](c) += step;
+                return objective.evaluate(moved).total();
+            };
+            const double numeric = (cost(1e-6) - cost(-1e-6)) / 2e-6;
+            EXPECT_NEAR(numeric, 2 * equations.b[j](c), 1e-4 * (1 + equations.b[j].norm()));
+        }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BatchLoss, ::testing::Values("huber", "cauchy"),
+                         [](const auto& param) { return param.param; });
+
+// Features on edges: well placed across, badly along the edge, in a direction of their own each.
+TEST(BatchResults, TextureCovariancesAreUsed) {
+    double directional = 0, isotropic = 0, nees = 0;
+    constexpr unsigned kSeeds = 8;
+    for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+        auto simulation = short_run(seed);
+        simulation.sigma_px = 0;
+        const auto run = simulate_run(simulation);
+        BatchProblem problem = test::batch_problem(run);
+        std::mt19937 engine(seed);
+        std::normal_distribution<double> normal;
+        for (FeatureFrame& frame : problem.frames)
+            for (FeatureObservation& feature : frame.features) {
+                const double angle = 2.4 * static_cast<double>(feature.feature_id);
+                const Eigen::Matrix2d R = Eigen::Rotation2Dd(angle).toRotationMatrix();
+                const Eigen::Vector2d sigma(0.3, 5);
+                feature.uv_px +=
+                    R * sigma.cwiseProduct(Eigen::Vector2d(normal(engine), normal(engine)));
+                feature.covariance_shape = R * sigma.cwiseAbs2().asDiagonal() * R.transpose();
+            }
+        const auto error = [&](const BatchProblem& with, double* of_covariance) {
+            BatchOptions options;
+            options.loss = "none";
+            options.outlier_sigmas = 0;
+            const BatchResult result = estimate_batch(with, options, test::truth_of(run));
+            const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+            const StateEstimate& last = result.estimate.states.back();
+            const Eigen::Vector3d e =
+                test::state_error(last, truth.states.back()).segment<3>(kPosition);
+            if (of_covariance)
+                *of_covariance +=
+                    e.dot(last.covariance.block<3, 3>(kPosition, kPosition).inverse() * e) / kSeeds;
+            return e.norm();
+        };
+        directional += error(problem, &nees);
+        for (FeatureFrame& frame : problem.frames)
+            for (FeatureObservation& feature : frame.features)
+                feature.covariance_shape = 12.5 * Eigen::Matrix2d::Identity();
+        isotropic += error(problem, nullptr);
+    }
+    EXPECT_LT(directional, 0.6 * isotropic);
+    EXPECT_NEAR(nees, 3, 3.3 * std::sqrt(2 * 3.0 / kSeeds));
+}
+
+// Features that follow nothing: the estimate is not given out as a result.
+TEST(BatchResults, AStartThatMostObservationsContradictIsNoResult) {
+    auto simulation = short_run();
+    simulation.outliers = 0.8;
+    const auto run = simulate_run(simulation);
+    const BatchResult result = estimate_batch(test::batch_problem(run), {}, test::truth_of(run));
+    EXPECT_FALSE(result.report.converged);
+    EXPECT_TRUE(result.estimate.states.empty());
+    EXPECT_NE(result.report.reason.find("contradict"), std::string::npos) << result.report.reason;
+}
+
+// Image-only, the scale stays what the start makes it, and the shape is as good.
+TEST(BatchResults, ImageOnlyKeepsTheScaleOfItsStart) {
+    auto simulation = short_run();
+    simulation.seconds = 2;
+    simulation.longest_track = 40;
+    const auto run = simulate_run(simulation);
+    const BatchProblem problem = test::batch_problem(run, false);
+    for (const double scale : {1.0, 2.0}) {
+        Estimate start = test::truth_of(run);
+        const Eigen::Vector3d first = (start.states.front().T_W_B * run.rig.T_B_C).p;
+        const auto scaled = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
+            return first + scale * (p - first);
+        };
+        for (StateEstimate& state : start.states) {
+            const Pose T_W_C = state.T_W_B * run.rig.T_B_C;
+            state.T_W_B = Pose{T_W_C.R, scaled(T_W_C.p)} * run.rig.T_B_C.inverse();
+        }
+        for (LandmarkEstimate& landmark : start.landmarks) landmark.p_W = scaled(landmark.p_W);
+        const BatchResult result = estimate_batch(problem, {}, start);
+        ASSERT_TRUE(result.report.converged) << result.report.reason;
+        double farthest = 0, of_start = 0;
+        for (size_t i = 0; i < result.estimate.states.size(); ++i) {
+            const auto distance = [&](const Estimate& e) {
+                return (e.states[i].T_W_B.p - e.states[0].T_W_B.p).norm();
+            };
+            farthest = std::max(farthest, distance(result.estimate));
+            of_start = std::max(of_start, distance(start));
+        }
+        EXPECT_NEAR(farthest / of_start, 1, 0.02);
+        EXPECT_FALSE(result.estimate.has_scale);
+    }
+}
+
+}  // namespace
+}  // namespace vio::batch
