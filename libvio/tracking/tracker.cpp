@@ -31,15 +31,17 @@ constexpr double kBlankDeviation = 2.5;  // standard deviation of grey values of
 constexpr double kBrightnessForgetting = 0.05, kMostGain = 4, kLeastGainChange = 0.02;
 // Share of the rotation error seen at one image that is taken over as the gyro's.
 constexpr double kRotationRateGain = 0.1;
-constexpr double kSearch_px2 = 4;  // variance of where a missed feature is expected
+constexpr double kMostStretch = 2;  // of a look, before it is renewed
+constexpr double kSearch_px2 = 4;   // variance of where a missed feature is expected
 
 struct Track {
     FeatureId id = -1;
-    Vector2d uv;                  ///< in the newest image, predicted if missed > 0
-    Vector3d f;                   ///< direction of its ray in the camera frame
-    Matrix2d A;                   ///< shape relative to the first appearance
-    std::unique_ptr<Patch> look;  ///< first appearance
-    int missed = 0;               ///< images since it was last seen
+    Vector2d uv;                       ///< in the newest image, predicted if missed > 0
+    Vector3d f;                        ///< direction of its ray in the camera frame
+    Matrix2d A;                        ///< shape relative to the first appearance
+    std::unique_ptr<Patch> look;       ///< first appearance, or one renewed since
+    int missed = 0;                    ///< images since it was last seen
+    std::optional<Vector2d> parallax;  ///< last motion beyond that of the far scene [px/s]
 };
 
 class Stopwatch {
@@ -90,14 +92,12 @@ void TrackerOptions::describe(OptionSet& options) {
     options.add("pyramid_levels", &pyramid_levels, "", {1, 8}, "halvings of the image");
     options.add("patience", &patience, "images", {0, 100},
                 "images that a feature may be missed in before its track ends");
-    options.add("epipolar_px", &epipolar_px, "px", {0.1, 100},
-                "largest error in the geometry of two images");
+    options.add("geometry_px", &geometry_px, "px", {0.1, 100},
+                "largest error of a feature in the geometry of two images or of more");
     options.add("long_gap", &long_gap, "images", {0, 1000},
                 "distance of the second geometric check (0: off)");
     options.add("window_images", &window_images, "images", {0, 300},
                 "over which each feature must fit one point of a rigid scene (0: off)");
-    options.add("window_error_px", &window_error_px, "px", {0.1, 100},
-                "largest error of a feature in that scene");
     options.add("realign", &realign, "align each feature with its first appearance");
     options.add("min_correlation", &min_correlation, "", {-1, 1},
                 "smallest correlation with the first appearance");
@@ -110,16 +110,17 @@ void TrackerOptions::describe(OptionSet& options) {
 struct Expectation {
     Vector2d uv;
     Matrix2d A;
+    Vector2d uv_far;  ///< as rotation alone moves it
 };
 
 struct FeatureTracker::Impl {
     Impl(const TrackerOptions& o, CameraPtr c)
         : options(o),
           camera(std::move(c)),
-          history(o.long_gap, o.epipolar_px * camera->angular_resolution(),
+          history(o.long_gap, o.geometry_px * camera->angular_resolution(),
                   static_cast<unsigned long long>(o.seed)),
           window({.images = o.window_images,
-                  .threshold = o.window_error_px * camera->angular_resolution()}) {}
+                  .threshold = o.geometry_px * camera->angular_resolution()}) {}
 
     TrackerOptions options;
     CameraPtr camera;
@@ -147,16 +148,20 @@ struct FeatureTracker::Impl {
     void admit(TimeNs t, const cv::Mat& image) const;
     std::optional<Matrix3d> corrected_rotation(TimeNs t, const std::optional<Matrix3d>& R_given);
     void build_pyramid(const cv::Mat& image);
-    void expect(const std::optional<Matrix3d>& R);
+    void expect(const std::optional<Matrix3d>& R, double dt);
+    void expect_parallax(double dt);
+    template <typename Value>
+    Vector2d nearest_median(const Vector2d& uv, const std::vector<std::size_t>& of,
+                            const Value& value) const;
     void flow();
     bool align(Track& track, const Vector2d& uv, const Matrix2d& A) const;
     void align_all();
     void search_missed();
-    Vector2d neighbours_motion(const Vector2d& uv, const std::vector<std::size_t>& found) const;
     bool admissible(Track& track) const;
+    void renew_look(Track& track) const;
     void verify(TimeNs t, std::optional<Matrix3d> R);
     void end_sliding(const std::optional<Matrix3d>& R);
-    void end_missed();
+    void end_missed(double dt);
     void detect();
     void remember(TimeNs t);
     std::vector<FeatureRay> seen_rays() const;
@@ -177,14 +182,14 @@ FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
     build_pyramid(image);
     watch.lap(report.seconds_pyramid);
     if (report.blank) return {t, {}};
-    expect(R);
+    expect(R, to_seconds(t - last_tracked));
     flow();
     watch.lap(report.seconds_flow);
     align_all();
     search_missed();
     watch.lap(report.seconds_realign);
     verify(t, R);
-    end_missed();
+    end_missed(to_seconds(t - last_tracked));
     watch.lap(report.seconds_geometry);
     detect();
     watch.lap(report.seconds_detect);
@@ -235,11 +240,11 @@ void FeatureTracker::Impl::build_pyramid(const cv::Mat& image) {
                                 cv::BORDER_CONSTANT, false);
 }
 
-// As far points move: R turns the rays, and with them the shapes.
-void FeatureTracker::Impl::expect(const std::optional<Matrix3d>& R) {
+// As far points move, R turns the rays, and with them the shapes.
+void FeatureTracker::Impl::expect(const std::optional<Matrix3d>& R, double dt) {
     expected.clear();
     for (const Track& track : tracks) {
-        expected.push_back({track.uv, track.A});
+        expected.push_back({track.uv, track.A, track.uv});
         if (!R) continue;
         const auto turned = [&](const Vector2d& uv) -> std::optional<Vector2d> {
             const auto ray = camera->ray(uv);
@@ -253,8 +258,22 @@ void FeatureTracker::Impl::expect(const std::optional<Matrix3d>& R) {
         if (!uv || !right || !down) continue;
         Matrix2d turn;
         turn << (*right - *uv) / kStep_px, (*down - *uv) / kStep_px;
-        expected.back() = {*uv, turn * track.A};
+        expected.back() = {*uv, turn * track.A, *uv};
     }
+    expect_parallax(dt);
+}
+
+// As near points move: each goes on as it did, a new one as its neighbours did.
+void FeatureTracker::Impl::expect_parallax(double dt) {
+    std::vector<std::size_t> known;
+    for (std::size_t i = 0; i < tracks.size(); ++i)
+        if (tracks[i].parallax) known.push_back(i);
+    std::vector<Vector2d> shifts;
+    for (std::size_t i = 0; i < tracks.size(); ++i)
+        shifts.push_back(
+            dt * tracks[i].parallax.value_or(nearest_median(
+                     expected[i].uv, known, [&](std::size_t k) { return *tracks[k].parallax; })));
+    for (std::size_t i = 0; i < tracks.size(); ++i) expected[i].uv += shifts[i];
 }
 
 // Frame to frame, for the tracks that the previous image showed.
@@ -300,7 +319,19 @@ void FeatureTracker::Impl::align_all() {
         if (options.realign) seen[i] = align(tracks[i], tracks[i].uv, expected[i].A);
         report.lost_look += !seen[i];
         if (seen[i]) seen[i] = admissible(tracks[i]);
+        if (seen[i]) renew_look(tracks[i]);
     }
+}
+
+// What has grown or shrunk much is compared with its latest look: the first one tells no more where
+// it is, and would soon not be found at all.
+void FeatureTracker::Impl::renew_look(Track& track) const {
+    const Eigen::Vector2d stretch = Eigen::JacobiSVD<Matrix2d>(track.A).singularValues();
+    if (stretch[0] < kMostStretch && stretch[1] > 1 / kMostStretch) return;
+    auto look = Patch::cut(pyramid[0], track.uv);
+    if (!look) return;
+    *track.look = std::move(*look);
+    track.A.setIdentity();
 }
 
 // The others are expected to have moved against the far scene as their neighbours did.
@@ -311,7 +342,9 @@ void FeatureTracker::Impl::search_missed() {
     const cv::Mat half = half_image();
     for (std::size_t i = 0; i < tracks.size(); ++i) {
         if (seen[i] || !camera->inside_image(expected[i].uv)) continue;
-        expected[i].uv += neighbours_motion(expected[i].uv, found);
+        expected[i].uv += nearest_median(expected[i].uv, found, [&](std::size_t k) {
+            return Vector2d(tracks[k].uv - expected[k].uv);
+        });
         tracks[i].uv = expected[i].uv;
         const auto place = tracks[i].look->search(half, expected[i].uv, expected[i].A,
                                                   kSearch_px2 * Matrix2d::Identity());
@@ -320,23 +353,24 @@ void FeatureTracker::Impl::search_missed() {
         report.found_again += seen[i];
     }
 }
-// Median over the nearest tracks that were found of how far they are from where they were expected.
-Vector2d FeatureTracker::Impl::neighbours_motion(const Vector2d& uv,
-                                                 const std::vector<std::size_t>& found) const {
+// Median, for each coordinate, over the nearest of some tracks.
+template <typename Value>
+Vector2d FeatureTracker::Impl::nearest_median(const Vector2d& uv,
+                                              const std::vector<std::size_t>& of,
+                                              const Value& value) const {
     constexpr std::size_t kNeighbours = 7;
     std::vector<std::pair<double, std::size_t>> near;
-    for (const std::size_t i : found) near.emplace_back((expected[i].uv - uv).squaredNorm(), i);
+    for (const std::size_t i : of) near.emplace_back((expected[i].uv - uv).squaredNorm(), i);
     const std::size_t n = std::min(kNeighbours, near.size());
     if (n == 0) return Vector2d::Zero();
     std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
     Vector2d result;
     for (const int axis : {0, 1}) {
-        std::vector<double> motion;
-        for (std::size_t k = 0; k < n; ++k)
-            motion.push_back(tracks[near[k].second].uv[axis] - expected[near[k].second].uv[axis]);
-        std::nth_element(motion.begin(), motion.begin() + static_cast<std::ptrdiff_t>(n / 2),
-                         motion.end());
-        result[axis] = motion[n / 2];
+        std::vector<double> values;
+        for (std::size_t k = 0; k < n; ++k) values.push_back(value(near[k].second)[axis]);
+        std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n / 2),
+                         values.end());
+        result[axis] = values[n / 2];
     }
     return result;
 }
@@ -382,11 +416,13 @@ void FeatureTracker::Impl::end_sliding(const std::optional<Matrix3d>& R) {
     }
 }
 
-void FeatureTracker::Impl::end_missed() {
+void FeatureTracker::Impl::end_missed(double dt) {
     std::size_t i = 0;
     report.ended = keep_if([&](Track& track) {
         const std::size_t k = i++;
         track.missed = seen[k] ? 0 : track.missed + 1;
+        track.parallax.reset();
+        if (seen[k]) track.parallax = (track.uv - expected[k].uv_far) / dt;
         if (!seen[k]) {
             track.uv = expected[k].uv;
             track.A = expected[k].A;
@@ -408,8 +444,13 @@ void FeatureTracker::Impl::detect() {
         const auto ray = camera->ray(uv);
         auto look = Patch::cut(pyramid[0], uv);
         if (!ray || !look) continue;
-        tracks.push_back({next_id++, uv, ray->direction, Matrix2d::Identity(),
-                          std::make_unique<Patch>(std::move(*look))});
+        tracks.push_back({next_id++,
+                          uv,
+                          ray->direction,
+                          Matrix2d::Identity(),
+                          std::make_unique<Patch>(std::move(*look)),
+                          0,
+                          {}});
         ++report.detected;
     }
 }

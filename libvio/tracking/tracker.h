@@ -19,10 +19,9 @@ struct TrackerOptions {
     int window_px = 15;             ///< side of the window of Lucas and Kanade's method
     int pyramid_levels = 3;         ///< halvings of the image
     int patience = 3;               ///< images that a feature may be missed in
-    double epipolar_px = 1.2;       ///< largest error in the geometry of two images
+    double geometry_px = 1.2;       ///< largest error in the geometry of two images or of more
     int long_gap = 32;              ///< images between those of the second geometric check; 0: off
     int window_images = 30;         ///< over which features must fit a rigid scene; 0: off
-    double window_error_px = 1.5;   ///< largest error there
     bool realign = true;            ///< align with the first appearance
     double min_correlation = 0.75;  ///< with the first appearance [-]
     bool texture_covariance = false;  ///< shape of the covariance from the texture

@@ -406,7 +406,7 @@ int measure(const std::vector<std::string>& files, const std::vector<std::string
         "no gyro", [](auto&) {}, false);
     row("no first appearance", [](auto& o) { o.realign = false; });
     row("no window of 30 images", [](auto& o) { o.window_images = 0; });
-    row("no geometry", [](auto& o) { o.epipolar_px = 100, o.long_gap = o.window_images = 0; });
+    row("no geometry", [](auto& o) { o.geometry_px = 100, o.long_gap = o.window_images = 0; });
     print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
     return 0;
 }
