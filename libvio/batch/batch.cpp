@@ -62,6 +62,7 @@ struct Course {
 void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
     NormalEquations equations(course.model, make_layout(course.model, course.options),
                               thread_count(course.options));
+    if (stage.truncated) equations.point_damping = NormalEquations::PointDamping::alike;
     Objective objective(course.model, course.options, stage);
     const MinimizeReport report = minimize(objective, equations, limits, course.state);
     BatchReport& sums = course.sums;

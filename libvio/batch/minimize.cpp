@@ -61,7 +61,7 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
             if (accepted) {
                 const double gain = decrease / predicted;
                 lambda = std::max(kSmallestDamping,
-                                  lambda * std::max(0.1, 1 - std::pow(2 * gain - 1, 3)));
+                                  lambda * std::max(1. / 3, 1 - std::pow(2 * gain - 1, 3)));
                 growth = 2;
                 cost = linearize();
             }

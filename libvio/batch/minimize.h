@@ -25,8 +25,8 @@ struct MinimizeReport {
 
 /// Minimises the objective from `state` on, which is left at the best state found, and at which
 /// `equations` are left linearised.
-/// Damping after Marquardt (scaled by the Hessian's diagonal), raised after Nielsen (1999), lowered
-/// tenfold where the quadratic model predicts well.
+/// Damping after Marquardt (scaled by the Hessian's diagonal), raised and lowered after Nielsen
+/// (1999).
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                         const MinimizeLimits& limits, State& state);
 

@@ -120,6 +120,11 @@ double NormalEquations::damping(double diagonal) const {
     return lambda_ * std::clamp(diagonal, 1e-6, 1e32);
 }
 
+Eigen::Matrix3d NormalEquations::point_damping_matrix(int j) const {
+    if (point_damping == PointDamping::as_seen) return lambda_ * V[j];
+    return damping(V[j].trace() / 3) * Eigen::Matrix3d::Identity();
+}
+
 bool NormalEquations::eliminate(double lambda) {
     lambda_ = lambda;
     for (int k = 0; k < matrix.size(); ++k) damping_(k) = damping(matrix.diagonal(k));
@@ -130,9 +135,7 @@ bool NormalEquations::eliminate(double lambda) {
         for (int j = piece_begin(count, kPieces, piece); j < piece_begin(count, kPieces, piece + 1);
              ++j) {
             if (layout_.border_of_point[j] >= 0) continue;
-            Eigen::Matrix3d damped = V[j];
-            for (int k = 0; k < 3; ++k) damped(k, k) += damping(damped(k, k));
-            const Eigen::LLT<Eigen::Matrix3d> llt(damped);
+            const Eigen::LLT<Eigen::Matrix3d> llt(V[j] + point_damping_matrix(j));
             good[piece] &= llt.info() == Eigen::Success;
             V_root_[j].setIdentity();
             llt.matrixU().solveInPlace(V_root_[j]);
@@ -180,8 +183,7 @@ double NormalEquations::predicted_decrease(const Step& step) const {
     for (size_t j = 0; j < V.size(); ++j) {
         if (layout_.border_of_point[j] >= 0) continue;  // counted with the reduced unknowns
         sum -= step.points[j].dot(b[j]);
-        for (int k = 0; k < 3; ++k)
-            sum += step.points[j](k) * step.points[j](k) * damping(V[j](k, k));
+        sum += step.points[j].dot(point_damping_matrix(static_cast<int>(j)) * step.points[j]);
     }
     return sum;
 }

@@ -33,10 +33,17 @@ class NormalEquations {
     std::vector<Eigen::Vector3d> b;  ///< of each point
     std::vector<Matrix63d> W;        ///< of each observation: pose by point; zero for border points
 
+    /// How points are damped. In bearing and range alike: a relative change of range costs what a
+    /// turn of the sight lines by as much does, which keeps points in place while the cameras'
+    /// poses are wrong. By what their images tell of each: far points move as freely as near ones.
+    enum class PointDamping { alike, as_seen };
+    PointDamping point_damping = PointDamping::as_seen;
+
     /// Takes a scalar unknown out of the problem (all its Jacobians must be zero).
     void hold(int scalar_idx) { matrix.diagonal(scalar_idx) += 1; }
 
-    /// Damped step: solves with lambda diag(H) added (Marquardt). False if not positive definite.
+    /// Damped step: solves with lambda diag(H) added (Marquardt), for points as `point_damping`
+    /// says. False if not positive definite.
     bool solve(double lambda, Step& step);
     /// Cost decrease that the linear model promises for a step of the last solve().
     double predicted_decrease(const Step& step) const;
@@ -52,6 +59,7 @@ class NormalEquations {
  private:
     bool eliminate(double lambda);
     double damping(double diagonal) const;
+    Eigen::Matrix3d point_damping_matrix(int point_idx) const;
 
     const Model& model_;
     Layout layout_;
