@@ -62,6 +62,7 @@ struct Course {
 void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
     NormalEquations equations(course.model, make_layout(course.model, course.options),
                               thread_count(course.options));
+    // Without a start, ranges say nothing yet.
     if (stage.truncated) equations.point_damping = NormalEquations::PointDamping::alike;
     Objective objective(course.model, course.options, stage);
     const MinimizeReport report = minimize(objective, equations, limits, course.state);
@@ -84,15 +85,6 @@ void fix_gravity_norm(Course& course) {
     if (course.model.inertial && course.options.gravity == "magnitude" &&
         course.state.gravity.norm() > 0)
         course.state.gravity *= course.options.gravity_norm / course.state.gravity.norm();
-}
-
-// From nothing: first with gravity free (it starts at zero), quadratic far from the solution.
-void start_blind(Course& course, int images) {
-    course.model = make_model(course.problem, course.options, images, 2);
-    course.state = blind_start(course.model, course.options);
-    minimize_stage(course, {true, "huber", true},
-                   {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance)});
-    fix_gravity_norm(course);
 }
 
 // Points that most of their images disagree with have been trapped (on the wrong side of a camera,
@@ -123,6 +115,39 @@ bool free_trapped_points(Course& course) {
             moved_any = true;
     }
     return moved_any;
+}
+
+// Cost that noise explains: two for each observation.
+double explained_cost(const Model& model) {
+    return 2 * static_cast<double>(model.observations.size());
+}
+
+// First with gravity free (it starts at zero), quadratic far from the solution. Returns the cost.
+double minimize_from_nothing(Course& course, State start) {
+    course.state = std::move(start);
+    constexpr int kRounds = 3;
+    for (int round = 0; round < kRounds; ++round) {
+        minimize_stage(
+            course, {true, "huber", true},
+            {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance)});
+        if (course.last.final.total() <= explained_cost(course.model) ||
+            !free_trapped_points(course))
+            break;
+    }
+    return course.last.final.total();
+}
+
+// From nothing: the paper's start, and where that ends with more than twice the cost that noise
+// explains, a second one that lets the cameras turn as the gyro says; the better of the two.
+void start_blind(Course& course, int images) {
+    course.model = make_model(course.problem, course.options, images, 2);
+    const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
+    if (course.model.inertial && !(cost <= 2 * explained_cost(course.model))) {
+        State first = std::move(course.state);
+        if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
+            course.state = std::move(first);
+    }
+    fix_gravity_norm(course);
 }
 
 // Grows the estimate from a prefix to all images, by a quarter at a time.

@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 
+#include "libvio/geometry/so3.h"
 #include "libvio/geometry/triangulation.h"
 
 namespace vio::batch {
@@ -30,6 +31,12 @@ Eigen::Vector3d backprojected(const Model& model, const State& state, const Poin
     return camera_pose(model, state, 0) * Eigen::Vector3d(0, 0, distance);
 }
 
+void backproject_all(const Model& model, double distance, State& state) {
+    state.points.resize(model.points.size());
+    for (size_t j = 0; j < model.points.size(); ++j)
+        state.points[j] = backprojected(model, state, model.points[j], distance);
+}
+
 double median_range(const Model& model, const State& state, const std::vector<bool>& placed,
                     double fallback) {
     std::vector<double> ranges;
@@ -52,9 +59,19 @@ double median_range(const Model& model, const State& state, const std::vector<bo
 State blind_start(const Model& model, const BatchOptions& options) {
     State state;
     state.frames.resize(model.frames());
-    state.points.resize(model.points.size());
-    for (size_t j = 0; j < model.points.size(); ++j)
-        state.points[j] = backprojected(model, state, model.points[j], options.blind_distance);
+    backproject_all(model, options.blind_distance, state);
+    return state;
+}
+
+State turning_start(const Model& model, const BatchOptions& options) {
+    State state;
+    state.frames.resize(model.frames());
+    for (int i = 1; i < model.frames(); ++i) {
+        const PreintegratedImu readings(model.segments[i - 1], {}, model.noise);
+        state.frames[i].motion.R =
+            so3::normalized(state.frames[i - 1].motion.R * readings.delta().R);
+    }
+    backproject_all(model, options.blind_distance, state);
     return state;
 }
 

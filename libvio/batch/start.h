@@ -11,6 +11,9 @@ namespace vio::batch {
 /// fixed distance from the origin by their first image, everything else zero.
 State blind_start(const Model& model, const BatchOptions& options);
 
+/// The same, but the cameras turn as the gyro says. Needs inertial readings.
+State turning_start(const Model& model, const BatchOptions& options);
+
 /// Start from given states (within 1 ms of an image) and, where present, landmarks; images without
 /// a state follow from their neighbours' by the inertial readings, other points are triangulated.
 /// Throws InputError if no image has a state.
