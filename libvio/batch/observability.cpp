@@ -87,6 +87,7 @@ std::string name_null_space(const Model& model, NormalEquations& equations) {
     constexpr double kDamping = 1e-7;  // of the scaled matrix: above its rounding
     constexpr int kIterations = 4;
     const Layout& layout = equations.layout();
+    equations.point_damping = NormalEquations::PointDamping::alike;
     if (!equations.factorize(kDamping)) return "the normal equations are not finite";
     // In unknowns scaled to unit information; started from all of them alike. (What holds the scale
     // of image-only motion is no information: hence the upper limit.)

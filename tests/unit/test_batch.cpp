@@ -200,23 +200,67 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
         g.segment<3>(k).setZero();
     }
     const double lambda = 1e-3;
-    for (int k = 0; k < n + 3 * m; ++k) H(k, k) += lambda * std::max(1e-6, H(k, k));
-    const Eigen::VectorXd x = H.ldlt().solve(-g);
-    Step step;
-    ASSERT_TRUE(equations.solve(lambda, step));
-    for (int i = 0; i < layout_.frames; ++i)
-        for (int c = 0; c < 15; ++c) {
-            const int k = layout_.index(i, c);
-            if (k < 0) continue;
-            EXPECT_NEAR(step.reduced(k), x(k), 1e-6 * (1 + std::abs(x(k))));
+    using Damping = NormalEquations::PointDamping;
+    for (const Damping damping : {Damping::alike, Damping::as_seen}) {
+        Eigen::MatrixXd damped = H;
+        for (int k = 0; k < n; ++k) damped(k, k) += lambda * std::max(1e-6, H(k, k));
+        for (int j = 0; j < m; ++j) {
+            auto V = damped.block<3, 3>(n + 3 * j, n + 3 * j);
+            if (layout_.border_of_point[j] >= 0)  // as all unknowns of the reduced system
+                V.diagonal() *= 1 + lambda;
+            else if (damping == Damping::as_seen)
+                V *= 1 + lambda;
+            else
+                V.diagonal().array() += lambda * V.trace() / 3;
         }
-    for (int j = 0; j < m; ++j)
-        EXPECT_LT((step.points[j] - x.segment<3>(n + 3 * j)).norm(), 1e-6 * (1 + x.norm()));
-    // Promised by the quadratic model: -2 g.x - x.H0.x for the undamped H0.
-    for (int k = 0; k < n + 3 * m; ++k)
-        if (H(k, k) != 0) H(k, k) -= lambda * std::max(1e-6, H(k, k) / (1 + lambda));
-    const double promised = -2 * g.dot(x) - x.dot(H * x);
-    EXPECT_NEAR(equations.predicted_decrease(step), promised, 1e-4 * promised);
+        const Eigen::VectorXd x = damped.ldlt().solve(-g);
+        equations.point_damping = damping;
+        Step step;
+        ASSERT_TRUE(equations.solve(lambda, step));
+        for (int i = 0; i < layout_.frames; ++i)
+            for (int c = 0; c < 15; ++c) {
+                const int k = layout_.index(i, c);
+                if (k < 0) continue;
+                EXPECT_NEAR(step.reduced(k), x(k), 1e-6 * (1 + std::abs(x(k))));
+            }
+        for (int j = 0; j < m; ++j)
+            EXPECT_LT((step.points[j] - x.segment<3>(n + 3 * j)).norm(), 1e-6 * (1 + x.norm()));
+        // Promised by the quadratic model of the undamped H.
+        const double promised = -2 * g.dot(x) - x.dot(H * x);
+        EXPECT_NEAR(equations.predicted_decrease(step), promised, 1e-4 * promised);
+    }
+}
+
+// A far point goes where a camera that sees it goes, and no step takes it behind that camera or
+// beyond infinity: steps along the sight line change the inverse range.
+TEST_P(BatchVariants, PointsMoveAlongInverseRange) {
+    const Objective objective(model_, options_, {GetParam().gravity_free, "none"});
+    const Point& point = model_.points[3];
+    const int i = model_.observations[point.first_observation].frame_idx;
+    const auto in_camera = [&](const State& state) {
+        const InertialState& I = state.frames[i].motion;
+        return (Pose{I.R, I.p} * model_.T_I_C).inverse() * state.points[3];
+    };
+    const Pose T_W_C = Pose{state_.frames[i].motion.R, state_.frames[i].motion.p} * model_.T_I_C;
+    const Eigen::Vector3d line = in_camera(state_);
+    Step step;
+    step.reduced.setZero(NormalEquations(model_, layout_).matrix.size());
+    step.points.assign(model_.points.size(), Eigen::Vector3d::Zero());
+    const auto moved_by = [&](const Eigen::Vector3d& d_C) {
+        step.points[3] = T_W_C.R * d_C;
+        State next;
+        objective.apply(state_, step, layout_, next);
+        return in_camera(next);
+    };
+    const double range = line.norm();
+    for (const double share : {-3.0, -0.5, 0.3, 0.8}) {
+        const Eigen::Vector3d moved = moved_by(share * line);
+        EXPECT_NEAR(1 / moved.norm(), (1 - share) / range, 1e-9 / range);
+        EXPECT_LT((moved.normalized() - line.normalized()).norm(), 1e-9);
+    }
+    EXPECT_GT(moved_by(5 * line).dot(line), range * range);  // not through infinity
+    const Eigen::Vector3d across = line.unitOrthogonal() * range;
+    EXPECT_LT((moved_by(across) - line - across).norm(), 1e-9 * range);
 }
 
 TEST_P(BatchVariants, PointsOutOfSightAreDrawnBack) {
