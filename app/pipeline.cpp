@@ -1,8 +1,8 @@
 #include "app/pipeline.h"
 
-#include <array>
 #include <chrono>
 #include <deque>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
@@ -12,6 +12,7 @@
 #include "app/run_output.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
+#include "libvio/recursive/message_queue.h"
 #include "libvio/tracking/front_end.h"
 
 namespace vio::app {
@@ -64,24 +65,15 @@ class Part {
     std::optional<TimeNs> origin_;
 };
 
-// Tells messages that bear the stamp of the one before of their kind: drivers and lossy links write
-// some twice.
-class Repeats {
- public:
-    bool contains(const Message& message) {
-        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
-        std::optional<TimeNs>& last = last_[message.index()];
-        const bool repeated = last == t;
-        last = t;
-        return repeated;
-    }
-
- private:
-    std::array<std::optional<TimeNs>, std::variant_size_v<Message>> last_;
+// An image, or its features, on the IMU's clock.
+struct TimedMessage {
+    TimeNs t_imu = 0;
+    Message message;
 };
 
 // Hands measurements to the estimator. An image outside the IMU's readings cannot be estimated with
-// them: it is held back until readings reach it, and dropped if they never do.
+// them: it is held back until readings reach it, and dropped if they never do; but the filter goes
+// on without readings after a while.
 class Feeder {
  public:
     Feeder(Estimator& estimator, RunOutput& output, const RunRequest& request, const Rig& rig,
@@ -89,6 +81,7 @@ class Feeder {
         : estimator_(estimator),
           output_(output),
           use_imu_(request.use_imu),
+          patient_(request.estimator != "iekf"),
           time_offset_(from_seconds(rig.time_offset)),
           report_(report) {}
 
@@ -104,6 +97,9 @@ class Feeder {
     void add(const FeatureFrame& frame) {
         waiting_.push_back(frame);
         if (!use_imu_ || (first_reading_ && frame.t + time_offset_ <= last_reading_)) release();
+        while (!patient_ && first_reading_ && !waiting_.empty() &&
+               frame.t - waiting_.front().t > MessageQueue<>::kLongestWait)
+            release();
     }
 
     void finish() {
@@ -127,7 +123,7 @@ class Feeder {
 
     Estimator& estimator_;
     RunOutput& output_;
-    bool use_imu_;
+    bool use_imu_, patient_;
     TimeNs time_offset_;
     RunReport& report_;
     std::optional<TimeNs> first_reading_;
@@ -136,46 +132,97 @@ class Feeder {
     std::deque<FeatureFrame> waiting_;  // in order of time
 };
 
+// From messages in the order of the file to the results, in the order of time.
+class Course {
+ public:
+    Course(const RunRequest& request, const Rig& rig, bool has_tracks, RunReport& report)
+        : front_end_(request.options.tracker, rig, request.use_imu),
+          estimator_(make_estimator(request, rig)),
+          output_(request, rig),
+          feeder_(*estimator_, output_, request, rig, report),
+          queue_(from_seconds(request.options.iekf.message_window), request.use_imu),
+          use_imu_(request.use_imu),
+          has_tracks_(has_tracks),
+          time_offset_(from_seconds(rig.time_offset)),
+          report_(report) {}
+
+    void add(const Message& message) {
+        if (const auto* reading = std::get_if<ImuReading>(&message)) {
+            if (use_imu_) queue_.add(*reading);
+        } else if (const auto* image = std::get_if<ImageMessage>(&message)) {
+            output_.add(*image);
+            // Tracks that the rawlog carries stand for its images.
+            if (!has_tracks_) queue_.add(TimedMessage{image->t + time_offset_, message});
+        } else if (const auto* frame = std::get_if<FeatureFrame>(&message)) {
+            queue_.add(TimedMessage{frame->t + time_offset_, message});
+        }
+        take(false);
+    }
+
+    void finish() {
+        take(true);
+        feed(timed(report_.tracking_s, [&] { return front_end_.finish(); }));
+        feeder_.finish();
+        timed(report_.estimation_s, [&] { estimator_->finish(); });
+        write();
+        if (output_.scene_due()) timed(report_.picture_s, [&] { output_.write_scene({}); });
+        report_.repeated_messages = queue_.repeated();
+        report_.late_messages = queue_.late();
+    }
+
+    Estimator& estimator() { return *estimator_; }
+    RunOutput& output() { return output_; }
+
+ private:
+    void take(bool at_end) {
+        while (auto next = queue_.pop(at_end)) {
+            const auto* reading = std::get_if<ImuReading>(&*next);
+            if (reading) timed(report_.estimation_s, [&] { feeder_.add(*reading); });
+            const Message message =
+                reading ? Message(*reading) : std::move(std::get<TimedMessage>(*next).message);
+            feed(timed(report_.tracking_s, [&] { return front_end_.add(message); }));
+            front_end_.end_tracks(estimator_->take_rejected());
+            write();
+            if (output_.scene_due())
+                timed(report_.picture_s, [&] { output_.write_scene(estimator_->landmarks()); });
+        }
+    }
+
+    void feed(const std::vector<FeatureFrame>& frames) {
+        timed(report_.estimation_s, [&] {
+            for (const FeatureFrame& frame : frames) feeder_.add(frame);
+        });
+    }
+
+    void write() {
+        timed(report_.input_output_s, [&] { output_.add(estimator_->take()); });
+    }
+
+    TrackingFrontEnd front_end_;
+    std::unique_ptr<Estimator> estimator_;
+    RunOutput output_;
+    Feeder feeder_;
+    MessageQueue<TimedMessage> queue_;
+    bool use_imu_, has_tracks_;
+    TimeNs time_offset_;
+    RunReport& report_;
+};
+
 // Reads to the end of the file, or to where it is damaged.
-void read_and_track(Recording& recording, TrackingFrontEnd& front_end, Estimator& estimator,
-                    Feeder& feeder, RunOutput& output, Part part, RunReport& report) {
+void read(Recording& recording, Course& course, Part part, RunReport& report) {
     const auto next = [&] {
         return timed(report.input_output_s, [&] { return recording.next(); });
     };
-    const auto feed = [&](const std::vector<FeatureFrame>& frames) {
-        timed(report.estimation_s, [&] {
-            for (const FeatureFrame& frame : frames) feeder.add(frame);
-        });
-    };
     Progress progress("reading");
-    // Tracks that the rawlog carries stand for its images.
-    const bool has_tracks = recording.has_features();
-    Repeats repeats;
     try {
         while (const std::optional<Message> message = next()) {
-            if (!part.contains(*message)) continue;
-            if (repeats.contains(*message)) {
-                ++report.repeated_messages;
-                continue;
-            }
-            if (const auto* image = std::get_if<ImageMessage>(&*message)) {
-                output.add(*image);
-                if (has_tracks) continue;
-            }
-            if (const auto* reading = std::get_if<ImuReading>(&*message))
-                timed(report.estimation_s, [&] { feeder.add(*reading); });
-            feed(timed(report.tracking_s, [&] { return front_end.add(*message); }));
-            front_end.end_tracks(estimator.take_rejected());
-            timed(report.input_output_s, [&] { output.add(estimator.take()); });
-            if (output.scene_due())
-                timed(report.picture_s, [&] { output.write_scene(estimator.landmarks()); });
+            if (part.contains(*message)) course.add(*message);
             progress.update(recording.progress());
         }
     } catch (const InputError& damage) {
         report.damage = damage.what();
     }
-    feed(timed(report.tracking_s, [&] { return front_end.finish(); }));
-    feeder.finish();
+    course.finish();
 }
 
 void summarise(const WrittenPath& written, RunReport& report) {
@@ -189,7 +236,12 @@ InputError no_pose(const RunRequest& request, const RunReport& report) {
     if (!report.damage.empty()) return InputError(report.damage);
     const std::string why = report.events.empty() ? "too little to start from; see the images' span"
                                                   : report.events.back().text;
-    return InputError(request.rawlog + ": no pose could be estimated: " + why);
+    const std::string late =
+        report.late_messages > 0
+            ? "; " + std::to_string(report.late_messages) +
+                  " messages came later than iekf.message_window and were left out"
+            : "";
+    return InputError(request.rawlog + ": no pose could be estimated: " + why + late);
 }
 
 nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
@@ -207,6 +259,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
     json["repeated_messages"] = report.repeated_messages;
+    json["late_messages"] = report.late_messages;
     json["input_output_s"] = report.input_output_s;
     json["tracking_s"] = report.tracking_s;
     json["estimation_s"] = report.estimation_s;
@@ -232,19 +285,14 @@ RunReport run_pipeline(const RunRequest& request) {
     RunReport report;
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
-    TrackingFrontEnd front_end(request.options.tracker, recording.rig(), request.use_imu);
-    const auto estimator = make_estimator(request, recording.rig());
-    RunOutput output(request, recording.rig());
-    Feeder feeder(*estimator, output, request, recording.rig(), report);
-
-    read_and_track(recording, front_end, *estimator, feeder, output, Part(request), report);
-    timed(report.estimation_s, [&] { estimator->finish(); });
-    timed(report.input_output_s, [&] { output.add(estimator->take()); });
-    if (output.scene_due()) timed(report.picture_s, [&] { output.write_scene({}); });
-    report.estimator_says = estimator->report();
-    report.events = estimator->events();
-    report.converged = estimator->converged();
-    report.iterations = estimator->iterations();
+    Course course(request, recording.rig(), recording.has_features(), report);
+    read(recording, course, Part(request), report);
+    const Estimator& estimator = course.estimator();
+    RunOutput& output = course.output();
+    report.estimator_says = estimator.report();
+    report.events = estimator.events();
+    report.converged = estimator.converged();
+    report.iterations = estimator.iterations();
     if (output.written().poses == 0) throw no_pose(request, report);
     report.has_scale = output.has_scale();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });

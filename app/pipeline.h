@@ -42,7 +42,8 @@ struct RunRequest {
 struct RunReport {
     int images = 0;             ///< that reached the estimator
     int dropped_images = 0;     ///< outside the IMU's readings
-    int repeated_messages = 0;  ///< left out: of the same stamp as the one before of their kind
+    int repeated_messages = 0;  ///< left out: of the same stamp as another of their kind
+    int late_messages = 0;      ///< left out: later than IekfOptions::message_window
     int imu_readings = 0;
     double duration_s = 0;  ///< from the first to the last of these images
     int poses = 0, lost_poses = 0, landmarks = 0;

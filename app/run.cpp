@@ -17,7 +17,7 @@ struct Arguments {
     std::string sensors = "image+imu", start, config;
     std::vector<std::string> files;  // [CONFIG] RAWLOG
     std::vector<std::string> assignments;
-    bool print_options = false;
+    bool print_options = false, every_reading = false;
 };
 
 // As MRPT's SLAM programs take them: a configuration, a rawlog, or both.
@@ -51,6 +51,7 @@ void apply_options(Arguments& arguments, OptionSet& options) {
     if (!arguments.config.empty()) options.load(arguments.config);
     for (const std::string& assignment : arguments.assignments) options.set(assignment);
     if (!arguments.start.empty()) arguments.request.options.batch.start = arguments.start;
+    if (arguments.every_reading) arguments.request.options.iekf.output = "readings";
 }
 
 void print(const RunReport& r, const RunRequest& request) {
@@ -59,7 +60,10 @@ void print(const RunReport& r, const RunRequest& request) {
     if (r.dropped_images > 0)
         std::printf("dropped     %d images outside the IMU readings\n", r.dropped_images);
     if (r.repeated_messages > 0)
-        std::printf("left out    %d messages that repeat the one before\n", r.repeated_messages);
+        std::printf("left out    %d messages that are there twice\n", r.repeated_messages);
+    if (r.late_messages > 0)
+        std::printf("left out    %d messages that came more than %g s late (iekf.message_window)\n",
+                    r.late_messages, request.options.iekf.message_window);
     std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
@@ -140,6 +144,9 @@ void add_run(CLI::App& program) {
         ->add_option("--start-from", request.start_folder,
                      "Results folder that the batch estimate starts from")
         ->excludes("--start");
+    command->add_flag(
+        "--every-reading", arguments->every_reading,
+        "A pose at every inertial reading too (short for --set iekf.output=readings)");
     command->add_option("--config", arguments->config, "INI file with options");
     command
         ->add_option("--scene-every", request.scene_every,

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "libvio/recursive/iekf.h"
+#include "libvio/simulation/scenario.h"
 
 namespace vio::test {
 
@@ -19,6 +20,16 @@ inline void feed(Iekf& filter, const std::vector<ImuReading>& readings,
         filter.add(reading);
     }
     while (next < frames.size()) filter.add(frames[next++]);
+}
+
+/// The same in the order in which a recording would hold the messages, with what it would lack.
+inline void feed(Iekf& filter, const Simulation& simulation) {
+    for (const StreamEntry& entry : simulation.stream()) {
+        if (entry.kind == StreamEntry::Kind::kImu)
+            filter.add(simulation.imu()[static_cast<std::size_t>(entry.index)]);
+        if (entry.kind == StreamEntry::Kind::kImage)
+            filter.add(simulation.tracks().frames[static_cast<std::size_t>(entry.index)]);
+    }
 }
 
 }  // namespace vio::test

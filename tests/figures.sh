@@ -132,6 +132,10 @@ printf '\nperspective arm, filter and batch after yaw and position alignment\n'
 taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
 
 echo
+echo "Interruptions (legend: tests/tools/filter_runs.cpp)"
+taskset -c 0 "$RUNS" faults datasets/stress/base.ini 1
+
+echo
 echo "Eight simulated hours, the rover to and fro (legend: tests/tools/long_run.cpp)"
 taskset -c 0 build/release/tests/vio_long_run datasets/rover_sparse.ini 8 |
     awk 'NR == 1 || /x real/ || (/^ *[0-9]/ && ++n % 8 == 1)'

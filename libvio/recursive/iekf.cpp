@@ -103,6 +103,7 @@ struct Iekf::Impl {
     void process_image(const TimedFrame& image) {
         image_time = image.frame.t;
         move_to(image.t_imu);
+        abandon_if_blind(image.frame.t);
         if (!abandoned) {
             sort_features(image.frame);
             update_known_points();
@@ -136,6 +137,10 @@ struct Iekf::Impl {
     void use_window_points();
     void release(int slot);
     double velocity_sigma() const;
+    std::string velocity_known(double limit) const;
+    bool restarts() const { return use_imu && options.motion == "imu_driven"; }
+    void abandon_if_blind(TimeNs t);
+    void abandon(TimeNs t, const std::string& why);
     bool contradicts();
     void judge(TimeNs t);
     void report(TimeNs t, int features);
@@ -150,7 +155,7 @@ struct Iekf::Impl {
     IekfOptions options;
     bool use_imu;
     Pose T_I_C;
-    MessageQueue queue;
+    MessageQueue<> queue;
     Prefix prefix;
     BatchOptions priors;
     RestDetector rest;
@@ -233,6 +238,10 @@ void Iekf::Impl::begin_given(const ImuReading& next) {
 
 void Iekf::Impl::try_start(const TimedFrame& image) {
     prefix.add(image.frame);
+    if (static_cast<int>(image.frame.features.size()) < options.min_features) {
+        prefix.clear();  // darkness: no start from images before it to those after
+        return;
+    }
     if (use_imu && rest.at_rest())
         start_from_rest();
     else if (prefix.ready())
@@ -460,27 +469,45 @@ void Iekf::Impl::judge(TimeNs t) {
     const bool unseen = to_seconds(t - last_good) > options.lost_after_seconds;
     const bool unsure = velocity_sigma() > options.lost_velocity_sigma;
     const bool now_lost = unseen || unsure || abandoned;
-    char why[160];
-    std::snprintf(why, sizeof why, "velocity known to %.2g m/s, limit %.2g m/s", velocity_sigma(),
-                  options.lost_velocity_sigma);
+    const std::string why = velocity_known(options.lost_velocity_sigma);
     if (now_lost != lost)
         log(t, !now_lost ? "tracking found again"
                : unseen
                    ? "tracking lost: fewer than " + std::to_string(options.min_features) +
                          " points used for " + std::to_string(options.lost_after_seconds) + " s"
-                   : std::string("tracking lost: ") + why);
+                   : "tracking lost: " + why);
     lost = now_lost;
-    if (!use_imu || options.motion != "imu_driven") return;
+    if (!restarts()) return;
     if (restarting && !abandoned && !lost) return recovered(t);
     if (!abandoned && contradicts()) {
-        if (!restarting) restart(t, "most points have contradicted the state for a while");
-        abandoned = lost = true;
-        give_up(std::vector<bool>(state->landmarks().size(), true));
-        window.clear();
+        abandon(t, "most points have contradicted the state for a while");
         state->inflate(core_variances(*state, kLostRotation, kLostPosition, kLostVelocity));
     } else if (unsure && !restarting) {
         restart(t, why);
     }
+}
+
+// Coasting without points can make the state so uncertain that updates would be linearised far from
+// the truth, and believe in their errors.
+void Iekf::Impl::abandon_if_blind(TimeNs t) {
+    const bool unseen = to_seconds(t - last_good) > options.lost_after_seconds;
+    if (restarts() && !abandoned && unseen && velocity_sigma() > options.blind_velocity_sigma)
+        abandon(t, "no points in sight, " + velocity_known(options.blind_velocity_sigma));
+}
+
+// From now on the state is not updated, until there is a new start.
+void Iekf::Impl::abandon(TimeNs t, const std::string& why) {
+    if (!restarting) restart(t, why);
+    abandoned = lost = true;
+    give_up(std::vector<bool>(state->landmarks().size(), true));
+    window.clear();
+}
+
+std::string Iekf::Impl::velocity_known(double limit) const {
+    char text[160];
+    std::snprintf(text, sizeof text, "velocity known to %.2g m/s, limit %.2g m/s", velocity_sigma(),
+                  limit);
+    return text;
 }
 
 // Largest standard deviation of the velocity's components [m/s].
@@ -613,10 +640,11 @@ void Iekf::finish() {
         impl_->end_keyframe();
         impl_->give_up(std::vector<bool>(impl_->state->landmarks().size(), true));
     }
-    if (impl_->queue.dropped() > 0)
+    const auto& queue = impl_->queue;
+    if (queue.late() + queue.repeated() > 0)
         impl_->log(impl_->camera_time(impl_->now.t),
-                   std::to_string(impl_->queue.dropped()) +
-                       " measurements came too late or twice and were dropped");
+                   std::to_string(queue.late()) + " measurements came too late and " +
+                       std::to_string(queue.repeated()) + " twice; they were dropped");
 }
 
 const Estimate& Iekf::estimate() const {

@@ -36,11 +36,12 @@ struct IekfOptions {
     double image_rotation_variance = 0.3;  ///< image-only [rad^2/s]
     double image_position_variance = 0.3;  ///< image-only [m^2/s]
 
-    int min_features = 3;             ///< fewer used ones do not hold the motion
-    double lost_after_seconds = 0.5;  ///< [s]
-    double lost_velocity_sigma = 1;   ///< less certain velocity is not known [m/s]
-    double message_window = 0.1;      ///< [s]
-    std::string output = "images";    ///< images | readings: at which there is a state
+    int min_features = 3;               ///< fewer used ones do not hold the motion
+    double lost_after_seconds = 0.5;    ///< [s]
+    double lost_velocity_sigma = 1;     ///< less certain velocity is not known [m/s]
+    double blind_velocity_sigma = 0.2;  ///< the same without points in sight [m/s]
+    double message_window = 0.1;        ///< [s]
+    std::string output = "images";      ///< images | readings: at which there is a state
 
     void describe(OptionSet& options);
 };

@@ -44,6 +44,9 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("lost_velocity_sigma", &lost_velocity_sigma, "m/s", {1e-3, 1e6},
                 "imu_driven: with a less certain velocity tracking counts as lost, and a new start "
                 "is looked for");
+    options.add("blind_velocity_sigma", &blind_velocity_sigma, "m/s", {1e-3, 1e6},
+                "imu_driven: with a less certain velocity after a time without points the state is "
+                "not updated any more until there is a new start");
     options.add("message_window", &message_window, "s", {0, 10},
                 "measurements may come late by this much");
     options.add("output", &output, {"images", "readings"},

@@ -78,6 +78,27 @@ Scene make_scene(const ScenarioOptions& options) {
     return Scene::make(options.scene, static_cast<std::uint64_t>(options.seed), layout);
 }
 
+// A tracker does not find its features again after the dark, nor after a long gap between images.
+void interrupt(SimulatedTracks& tracks, const StreamModel& model) {
+    if (tracks.frames.empty() || tracks.points_W.empty()) return;
+    const TimeNs first = tracks.frames.front().t;
+    FeatureId shift = 0, next = tracks.points_W.rbegin()->first + 1;
+    bool before = false;
+    const std::map<FeatureId, Eigen::Vector3d> points = tracks.points_W;
+    for (FeatureFrame& frame : tracks.frames) {
+        const bool dark = model.dark.holds(frame.t, first);
+        const bool out = dark || model.no_images.holds(frame.t, first);
+        if (dark) frame.features.clear();
+        if (before && !out) shift += next;
+        before = out;
+        for (FeatureObservation& feature : frame.features) {
+            feature.feature_id += shift;
+            if (shift > 0)
+                tracks.points_W[feature.feature_id] = points.at(feature.feature_id - shift);
+        }
+    }
+}
+
 TimeNs on_tick(double seconds) {
     return kTick * static_cast<TimeNs>(std::llround(seconds * (1e9 / kTick)));
 }
@@ -244,6 +265,7 @@ void Simulation::make_tracks() {
     tracks_ =
         simulate_tracks(scene_, *rig_.camera, image_times_, T_W_C, options_.track_model, random);
     if (!vibrating_.empty()) apply_vibration(*rig_.camera, vibrating_, T_W_C, tracks_);
+    interrupt(tracks_, options_.messages);
 }
 
 void Simulation::make_vibration() {
@@ -294,6 +316,8 @@ void Simulation::make_stream() {
 }
 
 cv::Mat Simulation::image(int image_idx) const {
+    if (options_.messages.dark.holds(image_times_[image_idx], image_times_.front()))
+        return cv::Mat::zeros(rig_.camera->height(), rig_.camera->width(), CV_8U);
     if (!vibrating_.empty() || !renderer_)
         renderer_ = std::make_unique<Renderer>(
             scene_, vibrating_.empty() ? rig_.camera : vibrating_[image_idx], options_.rendering);

@@ -15,6 +15,14 @@ void StreamModel::describe(OptionSet& set) {
             "messages of a kind that are lost in a row: 1 to this many");
     set.add("duplicate_rate", &duplicate_rate, "-", {0, 1},
             "share of the messages that are written twice");
+    const auto fault = [&set](const std::string& name, StreamModel::Fault& f, const char* what) {
+        set.add(name + "_from", &f.from, "s", {0, 1e6},
+                "time after the first image from which " + std::string(what));
+        set.add(name, &f.length, "s", {0, 1e6}, "for how long " + std::string(what) + "; 0: never");
+    };
+    fault("no_images", no_images, "there are no images");
+    fault("no_readings", no_readings, "there are no inertial readings");
+    fault("dark", dark, "the images are black");
 }
 
 std::vector<StreamEntry> arranged(std::vector<StreamEntry> entries, const StreamModel& model,
@@ -23,6 +31,13 @@ std::vector<StreamEntry> arranged(std::vector<StreamEntry> entries, const Stream
     std::stable_sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
         return std::tie(a.t, a.kind) < std::tie(b.t, b.kind);
     });
+    const auto first = std::find_if(entries.begin(), entries.end(),
+                                    [](const auto& e) { return e.kind == Kind::kImage; });
+    if (first != entries.end())
+        std::erase_if(entries, [&, t0 = first->t](const StreamEntry& e) {
+            return (e.kind == Kind::kImage && model.no_images.holds(e.t, t0)) ||
+                   (e.kind == Kind::kImu && model.no_readings.holds(e.t, t0));
+        });
     std::map<Kind, double> rate{{Kind::kImage, model.image_drop_rate},
                                 {Kind::kImu, model.imu_drop_rate}};
     std::map<Kind, int> dropping;  // messages of this drop that are still to come

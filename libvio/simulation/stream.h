@@ -15,6 +15,17 @@ struct StreamModel {
     int longest_drop = 1;       ///< messages lost in a row: 1 to this many, evenly
     double duplicate_rate = 0;  ///< share of the messages that are written twice [-]
 
+    /// An interruption, from a time after the first image on.
+    struct Fault {
+        double from = 0, length = 0;  ///< [s]; length 0: none
+        bool holds(TimeNs t, TimeNs first_image) const {
+            const double seconds = to_seconds(t - first_image);
+            return length > 0 && seconds >= from && seconds < from + length;
+        }
+    };
+    Fault no_images, no_readings;
+    Fault dark;  ///< a cap on the lens: images are black, features lost
+
     void describe(OptionSet& options);
 };
 
@@ -26,7 +37,8 @@ struct StreamEntry {
     int index = 0;
 };
 
-/// Sorts by time, then drops images and readings and repeats messages of any kind.
+/// Sorts by time, leaves out what the faults interrupt, then drops images and readings and repeats
+/// messages of any kind.
 std::vector<StreamEntry> arranged(std::vector<StreamEntry> entries, const StreamModel& model,
                                   Random& random);
 

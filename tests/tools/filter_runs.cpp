@@ -2,6 +2,7 @@
 //   vio_filter_runs compare SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs causal SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs consistency SCENARIO.ini [SEEDS] [ARGUMENT...]
+//   vio_filter_runs faults SCENARIO.ini [SEEDS] [ARGUMENT...]
 // ARGUMENT: section.name=value of the scenario, of [iekf], [batch] or [told] (noise densities that
 // the estimators believe in); --no-batch leaves the batch estimate out of compare. Errors are after
 // alignment by position and yaw. The paper's tables: vio-slam reproduce.
@@ -86,7 +87,7 @@ vio::Rig rig(const vio::Simulation& sim, const Setup& s) {
 Filtered filtered(const vio::Simulation& sim, const Setup& s) {
     const auto begin = std::chrono::steady_clock::now();
     vio::Iekf filter(rig(sim, s), s.iekf, s.batch);
-    vio::test::feed(filter, sim.imu(), sim.tracks().frames, sim.rig().time_offset);
+    vio::test::feed(filter, sim);
     filter.finish();
     const std::chrono::duration<double> time = std::chrono::steady_clock::now() - begin;
     return {filter.estimate(), filter.status(), time.count()};
@@ -254,6 +255,71 @@ void consistency(const Setup& s) {
     std::printf("position RMSE %.2f cm\n", 100 * root(squared_error / poses));
 }
 
+// A row for each interruption of the messages: images with a pose, and of these marked lost; where
+// not lost, position RMSE and the worst error in standard deviations (root of the Mahalanobis
+// distance); error in the end; then what the filter said after the interruption began. Errors after
+// alignment of the first pose by yaw and position; worst over the seeds.
+void faults(const Setup& s) {
+    constexpr double kFrom = 6;  // [s]
+    struct Row {
+        const char* key;
+        double seconds;
+    };
+    const Row rows[] = {{"dark", 2},        {"dark", 5},          {"dark", 10},
+                        {"no_images", 0.5}, {"no_images", 2},     {"no_images", 5},
+                        {"no_images", 10},  {"no_readings", 0.1}, {"no_readings", 0.5},
+                        {"no_readings", 1}, {"no_readings", 2},   {"no_readings", 5}};
+    std::printf("%-18s %6s %6s %9s %9s %7s %9s\n", "missing from 6 s on", "poses", "lost",
+                "RMSE cm", "sigmas", "end cm", "end lost");
+    for (const Row& row : rows) {
+        int poses = 0, lost = 0, end_lost = 0;
+        double rmse = 0, sigmas = 0, end = 0;
+        std::string said;
+        for (int seed = 0; seed < s.seeds; ++seed) {
+            vio::ScenarioOptions options = scenario(s, seed);
+            vio::OptionSet set;
+            options.describe(set);
+            set.set("messages." + std::string(row.key) + "=" + std::to_string(row.seconds));
+            set.set("messages." + std::string(row.key) + "_from=" + std::to_string(kFrom));
+            const vio::Simulation sim(options);
+            const Filtered f = filtered(sim, s);
+            if (f.estimate.states.empty()) continue;
+            std::size_t i = 0;
+            while (sim.truth()[i].t != f.estimate.states.front().t) ++i;
+            const vio::Similarity S =
+                align_yaw_position(f.estimate.states.front().T_W_B, sim.truth()[i].T_W_B);
+            double sum2 = 0;
+            int good = 0;
+            for (const vio::StateEstimate& state : f.estimate.states) {
+                while (sim.truth()[i].t < state.t) ++i;
+                const Eigen::Vector3d e =
+                    S.R.transpose() * (sim.truth()[i].T_W_B.p - (S * state.T_W_B).p);
+                end = std::max(end, state.t == f.estimate.states.back().t ? e.norm() : 0.0);
+                lost += state.lost;
+                ++poses;
+                const Eigen::Matrix3d C =
+                    state.covariance.block<3, 3>(vio::kPosition, vio::kPosition);
+                if (state.lost || C.diagonal().minCoeff() <= 1e-10) continue;
+                sum2 += e.squaredNorm();
+                ++good;
+                sigmas = std::max(sigmas, root(e.dot(C.ldlt().solve(e))));
+            }
+            rmse = std::max(rmse, root(sum2 / std::max(1, good)));
+            end_lost += f.estimate.states.back().lost;
+            for (const vio::StatusEntry& entry : f.status)
+                if (seed == 0 && sim.seconds(entry.t) > kFrom) {
+                    char text[300];
+                    std::snprintf(text, sizeof text, "        %.2f s: %s\n", sim.seconds(entry.t),
+                                  entry.text.c_str());
+                    said += text;
+                }
+        }
+        std::printf("%-12s %5.1f s %6d %6d %9.2f %9.2f %7.2f %9d\n%s", row.key, row.seconds, poses,
+                    lost, 100 * rmse, sigmas, 100 * end, end_lost, said.c_str());
+        std::fflush(stdout);
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -266,6 +332,8 @@ int main(int argc, char** argv) {
             causal(s);
         else if (command == "consistency")
             consistency(s);
+        else if (command == "faults")
+            faults(s);
         else
             throw vio::InputError(command + ": no such command");
     } catch (const std::exception& error) {

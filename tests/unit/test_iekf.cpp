@@ -156,13 +156,33 @@ TEST(IekfChiSquare, QuantilesMatchTables) {
     EXPECT_NEAR(chi_square_quantile(19, 0.999), 43.820, 0.01 * 43.820);
 }
 
+ImuReading reading_at(TimeNs t) {
+    ImuReading reading;
+    reading.t = t;
+    return reading;
+}
+
+// An image waits for readings, but not for ever.
+TEST(IekfMessageQueue, DoesWithoutReadingsAfterAWhile) {
+    MessageQueue<> queue(0, true);
+    const TimeNs wait = MessageQueue<>::kLongestWait;
+    queue.add(reading_at(0));
+    EXPECT_TRUE(queue.pop(false));
+    queue.add(TimedFrame{10, {}});
+    EXPECT_FALSE(queue.pop(false));
+    queue.add(TimedFrame{10 + wait, {}});
+    EXPECT_TRUE(queue.pop(false));
+    EXPECT_FALSE(queue.pop(false));
+    EXPECT_TRUE(queue.add(reading_at(20)));  // later than what was released
+}
+
 TEST(IekfMessageQueue, OrdersWithinItsWindowAndCountsTheRest) {
-    MessageQueue queue(100, true);
-    EXPECT_TRUE(queue.add(ImuReading{10, {}, {}}));
-    EXPECT_TRUE(queue.add(ImuReading{30, {}, {}}));
-    EXPECT_TRUE(queue.add(ImuReading{20, {}, {}}));
-    EXPECT_FALSE(queue.add(ImuReading{20, {}, {}}));  // twice
-    EXPECT_TRUE(queue.add(ImuReading{140, {}, {}}));
+    MessageQueue<> queue(100, true);
+    EXPECT_TRUE(queue.add(reading_at(10)));
+    EXPECT_TRUE(queue.add(reading_at(30)));
+    EXPECT_TRUE(queue.add(reading_at(20)));
+    EXPECT_FALSE(queue.add(reading_at(20)));  // twice
+    EXPECT_TRUE(queue.add(reading_at(140)));
     EXPECT_TRUE(queue.add(TimedFrame{25, {}}));  // late, but within the window
     std::vector<TimeNs> times;
     const auto time = [](const auto& m) -> TimeNs {
@@ -173,8 +193,9 @@ TEST(IekfMessageQueue, OrdersWithinItsWindowAndCountsTheRest) {
     };
     while (const auto message = queue.pop(false)) times.push_back(std::visit(time, *message));
     EXPECT_EQ(times, (std::vector<TimeNs>{10, 20, 25, 30}));
-    EXPECT_FALSE(queue.add(ImuReading{15, {}, {}}));  // too late
-    EXPECT_EQ(queue.dropped(), 2);
+    EXPECT_FALSE(queue.add(reading_at(15)));  // too late
+    EXPECT_EQ(queue.late(), 1);
+    EXPECT_EQ(queue.repeated(), 1);
     times.clear();
     while (const auto message = queue.pop(true)) times.push_back(std::visit(time, *message));
     EXPECT_EQ(times, (std::vector<TimeNs>{140}));
