@@ -148,3 +148,12 @@ if [[ ${VIO_PAPER:-} ]]; then
     taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
     taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100
 fi
+
+if [[ -x build/release/tests/vio_benchmarks ]]; then
+    echo
+    echo "Pictures: 1280x720 of 1401 poses and 16,007 landmarks (bar 150 ms); VIO_FILM=1: 1000 of them"
+    build/release/tests/vio_benchmarks --benchmark_filter="^snapshot${VIO_FILM:+|^film}" 2>/dev/null |
+        cut -c 1-150
+    echo "Video of 300 pictures, 1280x720 (bar 60 s):"
+    { time "$VIO_SLAM" render "$OUT/demo__IEKF" -o "$OUT/motion.mp4" >/dev/null; } 2>&1 | grep real
+fi

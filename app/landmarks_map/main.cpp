@@ -6,6 +6,7 @@
 
 #include <iostream>
 
+#include "libvio/base/errors.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/results.h"
 
