@@ -12,55 +12,31 @@
 // before a correction to the mean after it ("-" and "+") by
 //   theta+ = R+^T R- theta-,   dx+ = dx- + skew(x- - x+) R- theta-
 // where a clone's position goes with the clone's own rotation and everything else with the core's.
-// Landmarks are anchored to clones (anchored_point.h): the unobservable directions do not touch
-// their errors. This maps the unobservable directions at one mean exactly to those at the other.
+// The accelerometer's bias goes with attitude so that the error of the specific force at rest
+// stays. Landmarks are anchored to clones (anchored_point.h): the unobservable directions do not
+// touch their errors. This maps the unobservable directions at one mean exactly to those at the
+// other.
 //
 // Scale is observed by accelerations alone, hence hardly while the motion is steady; images say
 // nothing about it. So that their noise does not either, its direction n(x) (all positions relative
 // to the core's, velocity, minus every inverse distance) is carried alike: the errors that a
 // correction leaves are (I + (n(x+) - n(x-)) s^T) times those before, where s reads the common
-// share of the landmarks' inverse distances, s^T n(x-) = 1.
+// share of the landmarks' inverse distances, s^T n(x-) = 1. What the readings' noise had in n is
+// taken out of it as the images correct it (errors_in_variables.h).
 #pragma once
 
 #include <Eigen/Dense>
 #include <functional>
+#include <optional>
 #include <vector>
 
-#include "libvio/base/estimate.h"
 #include "libvio/base/types.h"
 #include "libvio/geometry/pose.h"
 #include "libvio/recursive/anchored_point.h"
+#include "libvio/recursive/core_state.h"
+#include "libvio/recursive/errors_in_variables.h"
 
 namespace vio {
-
-/// Which components the core has. Its error starts with those of StateIndex.
-enum class CoreKind : int {
-    pose = 6,       ///< rotation, position
-    inertial = 15,  ///< and velocity, gyro bias, accelerometer bias
-    smooth = 24     ///< and gravity, angular velocity, acceleration: Eq. (13)
-};
-
-/// Further components of the core's error, following those of StateIndex.
-enum CoreIndex : int { kGravity = 15, kAngularRate = 18, kAcceleration = 21 };
-
-inline constexpr int kMaxCore = 24;
-/// Sizes vary between models, storage does not.
-using CoreMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxCore, kMaxCore>;
-using CoreVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCore, 1>;
-
-/// At most six measurements of the core at once.
-using CoreRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, kMaxCore>;
-using CoreResidual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
-
-struct CoreState {
-    Pose T_W_I;
-    Eigen::Vector3d v_W = Eigen::Vector3d::Zero();         ///< of I's origin [m/s]
-    Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
-    Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
-    Eigen::Vector3d g_W = Eigen::Vector3d::Zero();         ///< [m/s^2]
-    Eigen::Vector3d omega_I = Eigen::Vector3d::Zero();     ///< angular velocity (smooth) [rad/s]
-    Eigen::Vector3d a_W = Eigen::Vector3d::Zero();         ///< acceleration (smooth) [m/s^2]
-};
 
 struct ClonedPose {
     int image_idx = -1;  ///< of the image taken there; -1: the slot is free
@@ -167,6 +143,8 @@ class FilterState {
                          const Eigen::MatrixXd& joint_covariance);
 
  private:
+    static double bias_follows_attitude(const CoreState& core,
+                                        const Eigen::Ref<const Eigen::VectorXd>& delta);
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
     void gain(const std::vector<PointRows>& rows, const Eigen::VectorXd& scale_change,
@@ -174,7 +152,11 @@ class FilterState {
     void gain(const Eigen::MatrixXd& H);
     Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
     void reduce_covariance();
-    void correct(const Eigen::VectorXd& delta);
+    Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
+    Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& H,
+                                       const Eigen::VectorXd& weighted) const;
+    void update_sensitivity(const Eigen::MatrixXd& H);
+    void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const CoreMatrix& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;
     Eigen::VectorXd scale_reading() const;
@@ -197,6 +179,8 @@ class FilterState {
         CoreMatrix transition, information;
         CoreVector vector;
     } waiting_;
+
+    std::optional<ErrorsInVariables> in_variables_;
 
     // Work space of updates: P H^T, its innovation covariance and factor, and L^-1 H P.
     Eigen::MatrixXd PHt_, S_, W_;

@@ -242,7 +242,7 @@ void Iekf::Impl::try_start(const TimedFrame& image) {
         prefix.clear();  // darkness: no start from images before it to those after
         return;
     }
-    if (use_imu && rest.at_rest())
+    if (use_imu && options.start == "auto" && rest.at_rest())
         start_from_rest();
     else if (prefix.ready())
         start_from_prefix(queue.next_reading());
