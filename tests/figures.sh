@@ -146,7 +146,7 @@ if [[ ${VIO_PAPER:-} ]]; then
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
     tests/figures_batch.sh "$DATA"
     taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
-    taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100 iekf.start=prefix
+    taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100
 fi
 
 if [[ -x build/release/tests/vio_benchmarks ]]; then

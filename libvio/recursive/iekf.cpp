@@ -123,7 +123,7 @@ struct Iekf::Impl {
     bool starting() const { return (!state && !given_start) || restarting; }
     void try_start(const TimedFrame& image);
     void start_from_rest();
-    void start_from_prefix(const ImuReading* next);
+    bool start_from_prefix(const ImuReading* next);
     void begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
                      const Pose& from, TimeNs from_t, const std::string& how);
     void begin(const BatchTail& tail, const ImuReading& at);
@@ -242,10 +242,13 @@ void Iekf::Impl::try_start(const TimedFrame& image) {
         prefix.clear();  // darkness: no start from images before it to those after
         return;
     }
-    if (use_imu && options.start == "auto" && rest.at_rest())
+    // A prefix gives the points' distances too, so it goes first; but a state that coasts should
+    // not wait for one.
+    const bool may_rest = use_imu && options.start != "prefix" && rest.at_rest();
+    if (may_rest && (restarting || options.start == "rest"))
         start_from_rest();
-    else if (prefix.ready())
-        start_from_prefix(queue.next_reading());
+    else if (prefix.ready() && !start_from_prefix(queue.next_reading()) && may_rest)
+        start_from_rest();
     if (state && image_idx == 0) keyframes.take(image.frame);
 }
 
@@ -265,18 +268,19 @@ void Iekf::Impl::start_from_rest() {
     begin_found(states, tail, tail.state.T_W_B, to, how);
 }
 
-void Iekf::Impl::start_from_prefix(const ImuReading* next) {
+bool Iekf::Impl::start_from_prefix(const ImuReading* next) {
     const TimeNs t = prefix.last_image();
     const auto start = prefix.attempt(next);
     if (!start) {
         log(t, "not started: " + prefix.why() +
-                   (use_imu ? "; not at rest: " + rest.why_not() : std::string()));
-        return;
+                   (use_imu && !rest.at_rest() ? "; not at rest: " + rest.why_not() : ""));
+        return false;
     }
     if (!restarting) result.keyframe_motions = start->keyframe_motions;
     begin_found(start->states, start->tail, start->states.front().T_W_B, start->states.front().t,
                 "started from a prefix of " + std::to_string(start->states.size()) +
                     " images with " + std::to_string(start->tail.landmarks.size()) + " points");
+    return true;
 }
 
 // Begins at tail. from: a pose of the start where its world begins, at from_t; there a restart

@@ -21,7 +21,7 @@ struct IekfOptions {
     int max_iterations = 3;
     double gate = 0.999;  ///< probability that a good innovation passes
 
-    std::string start = "auto";  ///< auto | prefix
+    std::string start = "auto";  ///< auto | prefix | rest
     int prefix_images = 60;
     double start_velocity_sigma = 0.5;  ///< [m/s]
     double start_tilt_sigma = 0.1;      ///< [rad]

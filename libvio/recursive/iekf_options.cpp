@@ -17,9 +17,9 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("gate", &gate, "", {0.5, 0.999999},
                 "probability that a correct feature passes the innovation gate");
     options.add(
-        "start", &start, {"auto", "prefix"},
-        "from rest where the sensors are at rest, else from a prefix; or always from a "
-        "prefix, as where the motion that follows is too slow to find the points' distances");
+        "start", &start, {"auto", "prefix", "rest"},
+        "always from a prefix; from rest whenever the sensors are at rest; or (auto) from a prefix "
+        "and, where that is impossible or the motion was lost, also from rest");
     options.add("prefix_images", &prefix_images, "images", {3, 1000},
                 "images of the batch estimate that starts the filter");
     options.add("start_velocity_sigma", &start_velocity_sigma, "m/s", {1e-3, 100},

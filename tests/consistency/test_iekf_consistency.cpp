@@ -78,7 +78,6 @@ TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
     scenario.tracks = true;
     scenario.image_count = 420;
     IekfOptions options;
-    options.start = "prefix";
     options.prefix_images = 100;
     options.sigma_px = scenario.track_model.noise_px;
     BatchOptions batch;
