@@ -181,6 +181,8 @@ void FilterState::inflate(const CoreVector& variances) {
 void FilterState::augment(const std::vector<LandmarkState>& landmarks, const MatrixXd& G,
                           const MatrixXd& noise) {
     const int added = 3 * static_cast<int>(landmarks.size());
+    // With the first landmarks scale begins anew: what was read before them says nothing of theirs.
+    if (landmarks_.empty() && in_variables_) in_variables_->forget();
     reserve(size_ + added);
     const MatrixXd PGt = P_.topLeftCorner(size_, G.cols()) * G.transpose();
     const MatrixXd own = G * PGt.topRows(G.cols()) + noise;
@@ -248,8 +250,6 @@ void FilterState::marginalise(const std::vector<bool>& remove) {
     }
     landmarks_.resize(kept);
     size_ = to;
-    // With no landmark left scale starts anew.
-    if (landmarks_.empty() && in_variables_) in_variables_->forget();
 }
 
 }  // namespace vio

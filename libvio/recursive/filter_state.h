@@ -155,6 +155,7 @@ class FilterState {
     Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
     Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& H,
                                        const Eigen::VectorXd& weighted) const;
+    void doubt_sensitivity();
     void update_sensitivity(const Eigen::MatrixXd& H);
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const CoreMatrix& T);

@@ -93,6 +93,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     std::vector<PointRows> rows;
     VectorXd delta = VectorXd::Zero(size_), residual, next;
     const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
+    doubt_sensitivity();
     const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
     VectorXd scale_change, from_noise;
     int iteration = 0;
@@ -149,6 +150,7 @@ MatrixXd FilterState::window_jacobian(const std::vector<PointRows>& rows) const 
 }
 
 void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
+    doubt_sensitivity();
     gain(H);
     const VectorXd weighted = llt_.solve(residual);
     const VectorXd delta = PHt_ * weighted;
@@ -165,6 +167,14 @@ VectorXd FilterState::sensitivity_change(const MatrixXd& H, const VectorXd& weig
     VectorXd change = VectorXd::Zero(size_);
     change.head(window_size()) = -in_variables_->correlation() * (H.transpose() * weighted);
     return change;
+}
+
+// errors_in_variables.h is of first order: after a while without images, corrections of velocity
+// are too large for it.
+void FilterState::doubt_sensitivity() {
+    constexpr double kKnown = 0.05;  // [m/s]
+    if (in_variables_ && P_.diagonal().segment<3>(kVelocity).maxCoeff() > kKnown * kKnown)
+        in_variables_->forget();
 }
 
 // For the update with H whose factors are in the work space.
