@@ -164,8 +164,7 @@ int main(int argc, char** argv) {
         if (with_scaling) scaling();
         for (const std::string& scenario : scenarios)
             compare(scenario_problem(scenario, truth), rival, threads);
-        if (scenarios.empty() && !with_scaling)
-            compare(room_problem(700, 200, 60), rival, threads);
+        if (scenarios.empty() && !with_scaling) compare(room_problem(700, 200, 60), rival, threads);
     } catch (const std::exception& error) {
         std::cerr << error.what() << '\n';
         return 1;
