@@ -136,6 +136,9 @@ struct Iekf::Impl {
     void hold_at_rest();
     void use_window_points();
     void release(int slot);
+    bool unseen(TimeNs t) const {
+        return to_seconds(t - last_good) > options.lost_after_seconds;
+    }
     double velocity_sigma() const;
     std::string velocity_known(double limit) const;
     bool restarts() const { return use_imu && options.motion == "imu_driven"; }
@@ -470,16 +473,15 @@ void Iekf::Impl::judge(TimeNs t) {
         window.clear();
     }
     if (used >= options.min_features) last_good = t;
-    const bool unseen = to_seconds(t - last_good) > options.lost_after_seconds;
     const bool unsure = velocity_sigma() > options.lost_velocity_sigma;
-    const bool now_lost = unseen || unsure || abandoned;
-    const std::string why = velocity_known(options.lost_velocity_sigma);
+    const bool now_lost = unseen(t) || unsure || abandoned;
+    const auto why = [&] { return velocity_known(options.lost_velocity_sigma); };
     if (now_lost != lost)
         log(t, !now_lost ? "tracking found again"
-               : unseen
+               : unseen(t)
                    ? "tracking lost: fewer than " + std::to_string(options.min_features) +
                          " points used for " + std::to_string(options.lost_after_seconds) + " s"
-                   : "tracking lost: " + why);
+                   : "tracking lost: " + why());
     lost = now_lost;
     if (!restarts()) return;
     if (restarting && !abandoned && !lost) return recovered(t);
@@ -487,15 +489,14 @@ void Iekf::Impl::judge(TimeNs t) {
         abandon(t, "most points have contradicted the state for a while");
         state->inflate(core_variances(*state, kLostRotation, kLostPosition, kLostVelocity));
     } else if (unsure && !restarting) {
-        restart(t, why);
+        restart(t, why());
     }
 }
 
 // Coasting without points can make the state so uncertain that updates would be linearised far from
 // the truth, and believe in their errors.
 void Iekf::Impl::abandon_if_blind(TimeNs t) {
-    const bool unseen = to_seconds(t - last_good) > options.lost_after_seconds;
-    if (restarts() && !abandoned && unseen && velocity_sigma() > options.blind_velocity_sigma)
+    if (restarts() && !abandoned && unseen(t) && velocity_sigma() > options.blind_velocity_sigma)
         abandon(t, "no points in sight, " + velocity_known(options.blind_velocity_sigma));
 }
 
