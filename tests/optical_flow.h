@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "libvio/base/median.h"
 #include "libvio/simulation/scenario.h"
 
 namespace vio::test {
@@ -45,12 +46,6 @@ inline std::vector<double> flow_errors(const Simulation& simulation, int first, 
         errors.push_back((Eigen::Vector2d(found[i].x, found[i].y) - *truth).norm());
     }
     return errors;
-}
-
-inline double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 /// A camera that is carried through a room at 0.5 m/s, turning by 25 deg/s; 30 Hz, with blur and

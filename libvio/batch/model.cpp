@@ -6,6 +6,9 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
+
+#include "libvio/base/median.h"
 
 namespace vio::batch {
 namespace {
@@ -34,9 +37,7 @@ ReadingChange reading_change(const std::vector<ImuReading>& readings) {
     const double span = to_seconds(readings.back().t - readings.front().t);
     change.gyro /= span;
     change.accel /= span;
-    const auto middle = spacings.begin() + static_cast<std::ptrdiff_t>(spacings.size() / 2);
-    std::nth_element(spacings.begin(), middle, spacings.end());
-    change.spacing = *middle;
+    change.spacing = median(std::move(spacings));
     return change;
 }
 

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "libvio/base/median.h"
+
 namespace vio::batch {
 namespace {
 
@@ -93,9 +95,7 @@ std::string name_null_space(const Model& model, NormalEquations& equations) {
     // of image-only motion is no information: hence the upper limit.)
     Eigen::VectorXd scale(equations.matrix.size());
     for (int k = 0; k < scale.size(); ++k) scale(k) = equations.matrix.diagonal(k);
-    std::vector<double> sorted(scale.begin(), scale.end());
-    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-    const double most = 1e4 * sorted[sorted.size() / 2];
+    const double most = 1e4 * median(std::vector<double>(scale.begin(), scale.end()));
     for (double& s : scale) s = 1 / std::sqrt(std::clamp(s, 1e-6, std::max(1e-6, most)));
     Eigen::MatrixXd y(scale.size(), 1);
     for (int k = 0; k < scale.size(); ++k) y(k) = std::cos(1.0 + 2.4 * k);

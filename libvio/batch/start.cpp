@@ -4,7 +4,9 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <utility>
 
+#include "libvio/base/median.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/geometry/triangulation.h"
 
@@ -48,10 +50,7 @@ double median_range(const Model& model, const State& state, const std::vector<bo
                              model.observations[model.points[j].first_observation].frame_idx)
                      .p)
                     .norm());
-    if (ranges.empty()) return fallback;
-    const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
-    std::nth_element(ranges.begin(), middle, ranges.end());
-    return *middle;
+    return ranges.empty() ? fallback : median(std::move(ranges));
 }
 
 }  // namespace

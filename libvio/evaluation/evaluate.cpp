@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/median.h"
 #include "libvio/evaluation/time_offset.h"
 
 namespace vio {
@@ -22,10 +24,7 @@ constexpr double kGapIntervals = 2.5;
 double default_max_gap(const std::vector<TimedPose>& truth) {
     std::vector<TimeNs> intervals;
     for (size_t i = 1; i < truth.size(); ++i) intervals.push_back(truth[i].t - truth[i - 1].t);
-    if (intervals.empty()) return 0;
-    const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-    std::nth_element(intervals.begin(), middle, intervals.end());
-    return kGapIntervals * to_seconds(*middle);
+    return kGapIntervals * to_seconds(median(std::move(intervals)));
 }
 
 std::vector<TruthGap> gaps(const std::vector<TimedPose>& truth,

@@ -3,6 +3,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "libvio/base/median.h"
 
 namespace vio {
 namespace {
@@ -30,9 +33,7 @@ LandmarkColours::LandmarkColours(const std::vector<LandmarkEstimate>& landmarks,
 
 LandmarkColours::LandmarkColours(std::vector<double> distances, LandmarkColour kind) : kind_(kind) {
     if (distances.empty()) return;
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
-    scale_ = std::max(*middle, 1e-12);
+    scale_ = std::max(median(std::move(distances)), 1e-12);
 }
 
 Rgb LandmarkColours::rgb(const LandmarkEstimate& landmark) const {

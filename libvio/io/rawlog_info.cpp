@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "libvio/base/median.h"
 #include "libvio/io/feature_observation.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/rawlog_objects.h"
@@ -33,11 +34,8 @@ class Streams {
     std::vector<StreamInfo> finish() {
         std::vector<StreamInfo> infos;
         for (Stream& stream : streams_) {
-            if (auto& intervals = stream.intervals; !intervals.empty()) {
-                const auto middle = intervals.begin() + static_cast<long>(intervals.size() / 2);
-                std::nth_element(intervals.begin(), middle, intervals.end());
-                stream.info.median_interval = *middle;
-            }
+            if (!stream.intervals.empty())
+                stream.info.median_interval = median(std::move(stream.intervals));
             infos.push_back(stream.info);
         }
         return infos;

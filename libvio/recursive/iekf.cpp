@@ -136,9 +136,7 @@ struct Iekf::Impl {
     void hold_at_rest();
     void use_window_points();
     void release(int slot);
-    bool unseen(TimeNs t) const {
-        return to_seconds(t - last_good) > options.lost_after_seconds;
-    }
+    bool unseen(TimeNs t) const { return to_seconds(t - last_good) > options.lost_after_seconds; }
     double velocity_sigma() const;
     std::string velocity_known(double limit) const;
     bool restarts() const { return use_imu && options.motion == "imu_driven"; }

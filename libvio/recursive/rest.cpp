@@ -6,6 +6,7 @@
 #include <map>
 #include <vector>
 
+#include "libvio/base/median.h"
 #include "libvio/recursive/observation.h"
 
 namespace vio {
@@ -139,14 +140,13 @@ bool RestDetector::image_still() {
         // Nothing to be seen is no motion; features that are gone may be.
         return at_rest_ && static_cast<int>(frames_.back().frame.features.size()) < kFewestFeatures;
     }
-    const auto middle = squared.begin() + static_cast<std::ptrdiff_t>(squared.size() / 2);
-    std::nth_element(squared.begin(), middle, squared.end());
+    const double middle = median(squared);
     const double limit =
         kMedianAtRest * (1 + kMedianSpreads / std::sqrt(static_cast<double>(squared.size())));
-    if (*middle < limit) return true;
+    if (middle < limit) return true;
     char text[160];
     std::snprintf(text, sizeof text, "features moved by %.3g sigma in %.2f s, limit %.3g",
-                  std::sqrt(*middle), stillness_.seconds(), std::sqrt(limit));
+                  std::sqrt(middle), stillness_.seconds(), std::sqrt(limit));
     why_not_ = text;
     return false;
 }

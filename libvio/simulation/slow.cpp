@@ -5,8 +5,10 @@
 #include <filesystem>
 #include <limits>
 #include <sstream>
+#include <utility>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/median.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -46,11 +48,7 @@ Extent extent_of(const std::string& rawlog) {
     }
     if (extent.first == std::numeric_limits<TimeNs>::max())
         throw InputError(rawlog + ": holds no measurements; nothing can be slowed");
-    if (!intervals.empty()) {
-        const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-        std::nth_element(intervals.begin(), middle, intervals.end());
-        extent.imu_rate = 1 / to_seconds(*middle);
-    }
+    if (!intervals.empty()) extent.imu_rate = 1 / to_seconds(median(std::move(intervals)));
     return extent;
 }
 

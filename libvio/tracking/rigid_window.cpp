@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "libvio/base/median.h"
 #include "libvio/tracking/ray_bundle.h"
 
 namespace vio {
@@ -61,13 +62,6 @@ std::vector<double> errors(const RayBundle& bundle, const RayBundle::Point& poin
     std::vector<double> result;
     for (const RayBundle::Ray& ray : point.rays) result.push_back(bundle.error(ray, point.h));
     return result;
-}
-
-double median(std::vector<double> values) {
-    if (values.empty()) return 0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 }  // namespace

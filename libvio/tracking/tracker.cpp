@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/median.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/tracking/detector.h"
 #include "libvio/tracking/patch.h"
@@ -353,6 +354,7 @@ void FeatureTracker::Impl::search_missed() {
         report.found_again += seen[i];
     }
 }
+
 // Median, for each coordinate, over the nearest of some tracks.
 template <typename Value>
 Vector2d FeatureTracker::Impl::nearest_median(const Vector2d& uv,
@@ -368,9 +370,7 @@ Vector2d FeatureTracker::Impl::nearest_median(const Vector2d& uv,
     for (const int axis : {0, 1}) {
         std::vector<double> values;
         for (std::size_t k = 0; k < n; ++k) values.push_back(value(near[k].second)[axis]);
-        std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n / 2),
-                         values.end());
-        result[axis] = values[n / 2];
+        result[axis] = median(std::move(values));
     }
     return result;
 }

@@ -15,7 +15,7 @@ void draw(benchmark::State& state, const vio::test::FlowCase& flow_case) {
     for (int k = 2; k < 58; k += 8)
         for (const double error : vio::test::flow_errors(simulation, k, 11))
             errors.push_back(error);
-    state.counters["lk_px"] = vio::test::median(errors);
+    state.counters["lk_px"] = vio::median(errors);
     state.counters["corners"] = static_cast<double>(errors.size());
 }
 

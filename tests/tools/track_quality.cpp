@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "libvio/base/median.h"
 #include "libvio/evaluation/association.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/io/trajectory_io.h"
@@ -182,13 +183,6 @@ double share(const std::vector<double>& values, const std::function<bool(double)
            static_cast<double>(values.size());
 }
 
-double median(std::vector<double> values) {
-    if (values.empty()) return 0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
 // Epipolar errors [px] of every observation against the first of its track.
 std::vector<double> epipolar_errors(const vio::Camera& camera, const Poses& T_W_C, const Run& run) {
     std::vector<double> errors;
@@ -305,7 +299,7 @@ PointErrors point_errors(const Input& input, const vio::Simulation& simulation, 
                 const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p);
                 px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
             }
-            if (p_W.isZero() || median(px) < median(errors)) {
+            if (p_W.isZero() || vio::median(px) < vio::median(errors)) {
                 p_W = p;
                 errors = std::move(px);
             }
@@ -355,14 +349,14 @@ void print_row(const std::string& name, const Input& input, const vio::Simulatio
     };
     std::printf("%-26s %7.1f %7.1f %7.0f %6.2f%% %6.2f%% %8.2f", name.c_str(),
                 observations / images, observations / static_cast<double>(tracks.size()),
-                median(lengths), good_share(input.T_W_C), good_share(input.T_W_C_fitted),
+                vio::median(lengths), good_share(input.T_W_C), good_share(input.T_W_C_fitted),
                 1e3 * run.seconds / images);
     if (simulation) {
         const PointErrors e = point_errors(input, *simulation, run);
-        std::printf(" %8.3f %6.2f%% %6.2f%% %6.1f%% %6.1f%% %6.2f%%", median(e.px),
+        std::printf(" %8.3f %6.2f%% %6.2f%% %6.1f%% %6.1f%% %6.2f%%", vio::median(e.px),
                     100 * share(e.px, [](double px) { return px < kGood_px; }),
                     100 * share(e.px, [](double px) { return px > kGross_px; }),
-                    100 * e.seen / e.could, 100 * median(e.life_share),
+                    100 * e.seen / e.could, 100 * vio::median(e.life_share),
                     100 * share(e.px, [](double px) { return px < 1; }));
     }
     std::printf("   %d %d %d %d %d %d | %d %d %d %d %d\n", histogram[0], histogram[1], histogram[2],

@@ -19,7 +19,6 @@ bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
 }
 
 using test::flow_errors;
-using test::median;
 
 // The camera turns by up to 3 degrees from image to image, which Lucas-Kanade's pure translation
 // feels in proportion to the window; hence a small one.
