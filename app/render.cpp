@@ -25,6 +25,7 @@ struct Arguments {
     std::string source, output, view = "iso", size = "1280x720", film, truth;
     double turn_deg = 0, seconds = 10, rate = 30;
     bool dark = false;
+    std::string colour = "uncertainty";
     TrackPictureRequest tracks;
 };
 
@@ -63,6 +64,13 @@ std::string render_results(const Arguments& arguments, const FilmOptions& film) 
     Drawing drawing = drawing_of(estimate, read_results_rig(arguments.source), truth);
     if (!drawing.problem.empty()) throw InputError(drawing.problem);
     drawing.options.dark = arguments.dark;
+    if (arguments.colour == "image") {
+        if (natural_colour(estimate.landmarks) != LandmarkColour::kImage)
+            throw InputError(arguments.source +
+                             ": its landmarks have no image colours, since it was estimated from "
+                             "feature tracks; leave out --colour");
+        drawing.options.landmark_colour = LandmarkColour::kImage;
+    }
     if (is_video(arguments.output) && arguments.film != "turntable")
         return film_motion(estimate, drawing.options, drawing.others, film, arguments.output);
     return render_scene(build_scene(estimate, drawing.options, drawing.others), arguments, film);
@@ -86,9 +94,9 @@ void run(const Arguments& arguments) {
             request.video = is_video(arguments.output);
             write_track_pictures(request, film.progress);
         } else {
-            if (arguments.dark || !arguments.truth.empty())
+            if (arguments.dark || !arguments.truth.empty() || arguments.colour != "uncertainty")
                 throw InputError(
-                    "--dark and --truth are for results folders: a .3Dscene is drawn "
+                    "--dark, --truth and --colour are for results folders: a .3Dscene is drawn "
                     "as it is");
             problem = render_scene(load_scene(arguments.source), arguments, film);
         }
@@ -119,6 +127,11 @@ void add_render(CLI::App& program) {
     command->add_option("--turn", arguments->turn_deg, "Turn the view about the vertical [deg]")
         ->capture_default_str();
     command->add_flag("--dark", arguments->dark, "Dark background");
+    command
+        ->add_option("--colour", arguments->colour,
+                     "Of a result's landmarks: by uncertainty, or as in the images")
+        ->check(CLI::IsMember({"uncertainty", "image"}))
+        ->capture_default_str();
     command->add_option("--truth", arguments->truth,
                         "True trajectory (TUM or EuRoC) to draw beside a result");
     command

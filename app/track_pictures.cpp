@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <opencv2/imgproc.hpp>
+#include <unordered_set>
 #include <vector>
 
 #include "gui_offscreen/film.h"
@@ -25,7 +26,16 @@ int scale_of(const cv::Mat& image) {
     return std::clamp(static_cast<int>(std::lround(640.0 / image.cols)), 1, 4);
 }
 
-// Gives each image of a rawlog, in order of time, with the frames of features up to it.
+cv::Mat draw(const cv::Mat& image, const std::vector<FeatureFrame>& frames,
+             const std::unordered_set<FeatureId>& rejected) {
+    OverlayOptions options;
+    options.tail_images = static_cast<int>(kTail);
+    options.scale = scale_of(image);
+    return draw_tracks(image, frames, rejected, options);
+}
+
+// Gives each image of a rawlog, in order of time, with the frames of features up to it and the
+// features that the tracker has rejected. (A file's tracks do not tell why they end.)
 template <typename Use>
 void for_each_tracked_image(const TrackPictureRequest& request, Use use,
                             const std::function<void(double)>& progress) {
@@ -41,14 +51,23 @@ void for_each_tracked_image(const TrackPictureRequest& request, Use use,
                                                        recording.has_imu());
     std::map<TimeNs, cv::Mat> images;
     std::vector<FeatureFrame> tail;
+    std::unordered_set<FeatureId> rejected;
     std::optional<TimeNs> first;
     const auto pair_up = [&](const FeatureFrame& frame) {
         tail.push_back(frame);
+        for (const FeatureObservation& feature : frame.features) rejected.erase(feature.feature_id);
         if (tail.size() > kTail + 1) tail.erase(tail.begin());
         const auto image = images.find(frame.t);
         if (image == images.end()) return;
-        use(image->second, tail);
+        use(image->second, tail, rejected);
         images.erase(images.begin(), std::next(image));
+    };
+    const auto track = [&](const std::vector<FeatureFrame>& frames) {
+        for (size_t i = 0; i < frames.size(); ++i) {
+            const TrackerReport& report = front_end->reports()[i];
+            rejected.insert(report.rejected.begin(), report.rejected.end());
+            pair_up(frames[i]);
+        }
     };
     while (const auto message = recording.next()) {
         progress(recording.progress());
@@ -60,11 +79,9 @@ void for_each_tracked_image(const TrackPictureRequest& request, Use use,
             if (images.size() > kMostUnpaired) images.erase(images.begin());
         }
         if (const auto* frame = std::get_if<FeatureFrame>(&*message)) pair_up(*frame);
-        if (!has_tracks)
-            for (const FeatureFrame& frame : front_end->add(*message)) pair_up(frame);
+        if (!has_tracks) track(front_end->add(*message));
     }
-    if (!has_tracks)
-        for (const FeatureFrame& frame : front_end->finish()) pair_up(frame);
+    if (!has_tracks) track(front_end->finish());
 }
 
 void write_video(const TrackPictureRequest& request, const std::function<void(double)>& progress) {
@@ -84,9 +101,10 @@ void write_video(const TrackPictureRequest& request, const std::function<void(do
     };
     for_each_tracked_image(
         request,
-        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames) {
-            cv::Mat picture =
-                draw_tracks(image, frames, {static_cast<int>(kTail), scale_of(image)});
+        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames,
+            const std::unordered_set<FeatureId>& rejected) {
+            cv::Mat picture = draw(image, frames, rejected);
+            draw_track_key(picture);
             picture = picture(cv::Rect(0, 0, picture.cols / 2 * 2, picture.rows / 2 * 2));
             if (video) return video->add(picture);
             waiting.emplace_back(frames.back().t, picture);
@@ -136,18 +154,20 @@ void write_strip(const TrackPictureRequest& request, const std::function<void(do
     std::optional<TimeNs> first;
     for_each_tracked_image(
         request,
-        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames) {
+        [&](const cv::Mat& image, const std::vector<FeatureFrame>& frames,
+            const std::unordered_set<FeatureId>& rejected) {
             if (!first) first = frames.back().t;
             const int k = static_cast<int>(pictures.size());
             const double due = span * k / std::max(1, request.images - 1) - 1e-6;
             if (k < request.images && to_seconds(frames.back().t - *first) >= due)
-                pictures.push_back(
-                    draw_tracks(image, frames, {static_cast<int>(kTail), scale_of(image)}));
+                pictures.push_back(draw(image, frames, rejected));
         },
         progress);
     if (pictures.empty())
         throw InputError(request.rawlog + ": no image with features between --from and --to");
-    save_image(strip(pictures), request.output);
+    cv::Mat sheet = strip(pictures);
+    draw_track_key(sheet);
+    save_image(sheet, request.output);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ cv::Scalar bgr(const TColor& c) {
 }
 
 struct Row {
-    enum Mark { kLine, kGradient, kDisc, kArrow, kGrid } mark;
+    enum Mark { kLine, kGradient, kDots, kDisc, kArrow, kGrid } mark;
     std::string label;
     TColor color;
 };
@@ -39,7 +39,8 @@ std::vector<Row> rows_of(const mrpt::opengl::COpenGLScene& scene) {
         if (name.starts_with("path "))
             paths.push_back({Row::kLine, name.substr(5), color});
         else if (name.starts_with("landmarks"))
-            rest.push_back({Row::kGradient, name, color});
+            rest.push_back({name.find("sigma") == std::string::npos ? Row::kDots : Row::kGradient,
+                            name, color});
         else if (name.starts_with("position, "))
             rest.push_back({Row::kDisc, name, color});
         else if (name == "gravity")
@@ -68,6 +69,13 @@ void draw_mark(cv::Mat& picture, const Row& row, const cv::Rect& place, double s
                 cv::line(picture, {left.x + x, left.y - thickness},
                          {left.x + x, left.y + thickness},
                          bgr(uncertainty_color(double(x) / place.width, dark)));
+            break;
+        case Row::kDots:
+            for (const auto& [share, dot] : {std::pair{0.2, cv::Scalar(150, 150, 150)},
+                                             {0.5, cv::Scalar(80, 120, 190)},
+                                             {0.8, cv::Scalar(110, 140, 70)}})
+                cv::circle(picture, {left.x + cvRound(share * place.width), left.y},
+                           std::max(1, cvRound(2.5 * size)), dot, cv::FILLED, cv::LINE_AA);
             break;
         case Row::kDisc: {
             cv::Mat under = picture(place);

@@ -131,30 +131,50 @@ double sigma(const LandmarkEstimate& landmark) {
     return std::isfinite(variance) && variance > 0 ? std::sqrt(variance) : 0;
 }
 
-void add_landmarks(COpenGLScene& scene, const Estimate& estimate, const SceneOptions& options,
-                   const Palette& colors) {
-    std::vector<double> sigmas;
-    for (const LandmarkEstimate& landmark : estimate.landmarks)
-        if (landmark.p_W.allFinite() && sigma(landmark) > 0) sigmas.push_back(sigma(landmark));
-    std::sort(sigmas.begin(), sigmas.end());
+/// Colours by uncertainty: the scale spans all but the extreme twentieths of the landmarks.
+class UncertaintyScale {
+ public:
+    explicit UncertaintyScale(const std::vector<LandmarkEstimate>& landmarks) {
+        std::vector<double> sigmas;
+        for (const LandmarkEstimate& landmark : landmarks)
+            if (landmark.p_W.allFinite() && sigma(landmark) > 0) sigmas.push_back(sigma(landmark));
+        if (sigmas.empty()) return;
+        std::sort(sigmas.begin(), sigmas.end());
+        low_ = sigmas[sigmas.size() / 20];
+        high_ = std::max(sigmas[sigmas.size() - 1 - sigmas.size() / 20], 1.0001 * low_);
+    }
+
+    std::string legend() const {
+        if (high_ == 0) return "landmarks";
+        char name[64];
+        std::snprintf(name, sizeof(name), "landmarks, sigma %.2g to %.2g m", low_, high_);
+        return name;
+    }
+
+    TColor color(const LandmarkEstimate& landmark, const SceneOptions& options) const {
+        const double s = sigma(landmark);
+        if (!(s > 0)) return palette(options.dark).frustum;
+        return uncertainty_color(std::log(s / low_) / std::log(high_ / low_), options.dark);
+    }
+
+ private:
+    double low_ = 0, high_ = 0;  // [m]
+};
+
+void add_landmarks(COpenGLScene& scene, const Estimate& estimate, const SceneOptions& options) {
+    const bool as_seen = options.landmark_colour == LandmarkColour::kImage;
+    const UncertaintyScale scale(estimate.landmarks);
     auto cloud = mrpt::opengl::CPointCloudColoured::Create();
     cloud->setPointSize(estimate.landmarks.size() > 2000 ? 3.f : 4.f);
-    cloud->setName("landmarks");
-    double low = 0, high = 0;
-    if (!sigmas.empty()) {
-        low = sigmas[sigmas.size() / 20];
-        high = std::max(sigmas[sigmas.size() - 1 - sigmas.size() / 20], 1.0001 * low);
-        char name[64];
-        std::snprintf(name, sizeof(name), "landmarks, sigma %.2g to %.2g m", low, high);
-        cloud->setName(name);
-    }
+    cloud->setName(as_seen ? "landmarks, colours of the images" : scale.legend());
     cloud->reserve(estimate.landmarks.size());
     for (const LandmarkEstimate& landmark : estimate.landmarks) {
         if (!landmark.p_W.allFinite()) continue;
-        const double s = sigma(landmark);
-        const TColor color =
-            s > 0 ? uncertainty_color(std::log(s / low) / std::log(high / low), options.dark)
-                  : colors.frustum;
+        TColor color = scale.color(landmark, options);
+        if (as_seen) {
+            color = palette(options.dark).frustum;
+            if (landmark.rgb) color = {(*landmark.rgb)[0], (*landmark.rgb)[1], (*landmark.rgb)[2]};
+        }
         const Eigen::Vector3f p = landmark.p_W.cast<float>();
         cloud->push_back(p.x(), p.y(), p.z(), color.R / 255.f, color.G / 255.f, color.B / 255.f);
     }
@@ -279,7 +299,7 @@ COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& opti
     light.specular = {0.f, 0.f, 0.f, 1.f};
 
     add_grid(*scene, path, nearby_points(path, landmarks), sizes, colors);
-    add_landmarks(*scene, estimate, options, colors);
+    add_landmarks(*scene, estimate, options);
     add_axes_and_gravity(*scene, estimate, sizes, colors);
     for (size_t i = 0; i < others.size(); ++i) {
         const TColor& color = colors.others[i % colors.others.size()];

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "libvio/base/estimate.h"
+#include "libvio/io/landmark_colour.h"
 
 namespace vio {
 
@@ -27,6 +28,7 @@ struct SceneOptions {
     int max_frusta = 40;      ///< evenly spread over the path
     int max_ellipsoids = 20;  ///< poses whose 3-sigma ellipsoid is drawn, evenly spread
     double ellipsoid_sigmas = 3;
+    LandmarkColour landmark_colour = LandmarkColour::kUncertainty;
     /// Draw the estimate's path up to this time only; sizes and grid stay those of the whole.
     std::optional<TimeNs> until;
 };
@@ -35,7 +37,8 @@ struct SceneOptions {
 double path_extent(const Estimate& estimate, const std::vector<NamedPath>& others);
 
 /// Scene in the estimate's world: grid, axes, path as a tube (lost stretches in red), other paths,
-/// camera frusta, landmarks coloured by uncertainty, position ellipsoids, gravity.
+/// camera frusta, landmarks coloured by uncertainty or as in the images, position ellipsoids,
+/// gravity.
 ///
 /// Lines are thin meshes, since OpenGL's line width is not honoured everywhere; their thickness
 /// follows the extent of the path. Objects carry names: render_snapshot() makes the legend and the

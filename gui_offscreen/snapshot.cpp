@@ -27,7 +27,8 @@ constexpr double kPerspectiveView = 0.42;  // of the others [rad]
 
 /// What a scene holds that the picture must show.
 struct SceneContent {
-    std::vector<Vector3d> path, landmarks;
+    std::vector<Vector3d> path;  ///< with the axes and gravity at its beginning
+    std::vector<Vector3d> landmarks;
     std::optional<Pose> T_W_C;  ///< newest camera
 };
 
@@ -57,7 +58,7 @@ SceneContent content_of(const COpenGLScene& scene) {
         const std::string name = object->getName();
         const auto* mesh = dynamic_cast<const mrpt::opengl::CSetOfTriangles*>(object.get());
         const auto* cloud = dynamic_cast<const mrpt::opengl::CPointCloudColoured*>(object.get());
-        if (mesh && name.starts_with("path ")) {
+        if (mesh && (name.starts_with("path ") || name == "world axes" || name == "gravity")) {
             mrpt::opengl::TTriangle triangle;
             for (size_t i = 0; i < mesh->getTrianglesCount(); ++i) {
                 mesh->getTriangle(i, triangle);

@@ -8,6 +8,7 @@ TrackingFrontEnd::TrackingFrontEnd(const TrackerOptions& options, const Rig& rig
     : rig_(rig), use_gyro_(use_gyro), tracker_(options, rig.camera) {}
 
 std::vector<FeatureFrame> TrackingFrontEnd::add(const Message& message) {
+    reports_.clear();
     if (const auto* frame = std::get_if<FeatureFrame>(&message)) return {*frame};
     if (const auto* reading = std::get_if<ImuReading>(&message)) {
         if (!use_gyro_) return {};
@@ -19,6 +20,7 @@ std::vector<FeatureFrame> TrackingFrontEnd::add(const Message& message) {
 }
 
 std::vector<FeatureFrame> TrackingFrontEnd::finish() {
+    reports_.clear();
     std::vector<FeatureFrame> frames;
     while (!waiting_.empty()) frames.push_back(track_first());
     return frames;
@@ -46,7 +48,9 @@ FeatureFrame TrackingFrontEnd::track_first() {
     std::optional<Eigen::Matrix3d> R_C1_C2;
     if (use_gyro_ && last_image_) R_C1_C2 = camera_rotation(imu_, rig_, *last_image_, image.t);
     last_image_ = image.t;
-    return tracker_.track(image.t, image.image, R_C1_C2);
+    FeatureFrame frame = tracker_.track(image.t, image.image, R_C1_C2);
+    reports_.push_back(tracker_.report());
+    return frame;
 }
 
 std::vector<FeatureFrame> TrackingFrontEnd::track_ready() {

@@ -39,6 +39,9 @@ class TrackingFrontEnd {
 
     FeatureTracker& tracker() { return tracker_; }
 
+    /// Of the frames that the last add() or finish() tracked, one each.
+    const std::vector<TrackerReport>& reports() const { return reports_; }
+
  private:
     void add_reading(const ImuReading& reading);
     bool ready(const ImageMessage& image) const;
@@ -51,6 +54,7 @@ class TrackingFrontEnd {
     ImuSequence imu_;
     std::deque<ImageMessage> waiting_;
     std::optional<TimeNs> last_image_;
+    std::vector<TrackerReport> reports_;
 };
 
 }  // namespace vio

@@ -396,6 +396,7 @@ void FeatureTracker::Impl::verify(TimeNs t, std::optional<Matrix3d> R) {
         seen[i] =
             verdict == Verdict::agrees || (verdict == Verdict::unchecked && tracks[i].missed == 0);
         report.lost_geometry += !seen[i];
+        if (!seen[i]) report.rejected.push_back(tracks[i].id);
     }
     end_sliding(R);
     if (!given || !R || history.inliers() <= 20) return;
@@ -413,6 +414,7 @@ void FeatureTracker::Impl::end_sliding(const std::optional<Matrix3d>& R) {
         track->missed = options.patience;
         seen[static_cast<std::size_t>(track - tracks.begin())] = false;
         ++report.lost_window;
+        report.rejected.push_back(id);
     }
 }
 

@@ -34,10 +34,11 @@ struct TrackerOptions {
 struct TrackerReport {
     bool blank = false;  ///< image without contrast (dark, lens cap): tracks wait for the next one
     int before = 0;      ///< features alive before the image
-    int lost_flow = 0, lost_look = 0;  ///< not found by each step
-    int found_again = 0;               ///< of these, by searching
-    int lost_geometry = 0;             ///< found, but in disagreement with the motion
-    int lost_window = 0;               ///< in disagreement with the rigid scene
+    int lost_flow = 0, lost_look = 0;      ///< not found by each step
+    int found_again = 0;                   ///< of these, by searching
+    int lost_geometry = 0;                 ///< found, but in disagreement with the motion
+    int lost_window = 0;                   ///< in disagreement with the rigid scene
+    std::vector<FeatureId> rejected = {};  ///< the features of lost_geometry and lost_window
     int ended = 0, ended_by_caller = 0, detected = 0, after = 0;
     double seconds_pyramid = 0, seconds_flow = 0, seconds_realign = 0, seconds_geometry = 0,
            seconds_detect = 0;

@@ -251,6 +251,8 @@ TEST_F(Cli, ReportIsOneFileWithoutReferencesOutOfIt) {
     for (const char* reference : {"<link", "<script", "src=\"http", "url(http"})
         EXPECT_EQ(page.find(reference), std::string::npos) << reference;
     expect_error("report " + folder_ / "gone", {"gone", "no results folder"});
+    expect_error("render " + folder_ / "out" + " --colour image -o " + folder_ / "x.png",
+                 {"no image colours", "--colour"});
 }
 
 TEST_F(Cli, ForeignFile) {

@@ -1,5 +1,6 @@
 // Scenes, pictures and overlays. Pictures are skipped where off-screen OpenGL cannot start.
 #include <gtest/gtest.h>
+#include <mrpt/opengl/CPointCloudColoured.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -215,6 +216,45 @@ TEST(Snapshot, IsTheSameAfterTheSceneWasSavedAndFromASecondRenderer) {
 TEST(Snapshot, RefusesSizesThatNoPictureHas) {
     EXPECT_THROW(SnapshotRenderer(0, 100), InputError);
     EXPECT_THROW(SnapshotRenderer(100000, 100), InputError);
+}
+
+TEST(Scene, LandmarksTakeTheColoursOfTheImagesWhenAsked) {
+    Estimate estimate = eight(20, 3);
+    estimate.landmarks[1].rgb = {{200, 100, 50}};
+    SceneOptions options;
+    options.landmark_colour = LandmarkColour::kImage;
+    const auto scene = build_scene(estimate, options);
+    const auto cloud = std::dynamic_pointer_cast<mrpt::opengl::CPointCloudColoured>(
+        scene->getByName("landmarks, colours of the images"));
+    ASSERT_TRUE(cloud);
+    ASSERT_EQ(cloud->size(), 3u);
+    const auto color = cloud->getPointColor(1);
+    EXPECT_EQ(color.R, 200);
+    EXPECT_EQ(color.G, 100);
+    EXPECT_EQ(color.B, 50);
+}
+
+TEST(Overlay, MarksTracksThatEndedByWhatBecameOfThem) {
+    const cv::Mat image(120, 160, CV_8UC1, cv::Scalar(100));
+    std::vector<FeatureFrame> frames(9);
+    frames[0].features = {{.feature_id = 4, .uv_px = {130.0, 30.0}}};
+    for (size_t i = 0; i < 5; ++i)
+        frames[i + 1].features = {{.feature_id = 1, .uv_px = {30.0, 30.0}},
+                                  {.feature_id = 2, .uv_px = {80.0, 30.0}}};
+    const cv::Mat picture = draw_tracks(image, frames, {1});
+    const auto near = [&](int x, const cv::Vec3b& bgr) {
+        return count_near(picture(cv::Rect(x - 6, 24, 12, 12)), bgr, 40);
+    };
+    const cv::Vec3b red(70, 60, 240), grey(170, 170, 170);
+    EXPECT_GT(near(30, red), 8) << "rejected";
+    EXPECT_GT(near(80, grey), 8) << "gone";
+    EXPECT_EQ(near(80, red), 0);
+    EXPECT_EQ(near(130, red) + near(130, grey), 0) << "gone too long ago to be shown";
+
+    cv::Mat with_key = picture.clone();
+    draw_track_key(with_key);
+    EXPECT_GT(cv::norm(with_key, picture, cv::NORM_L1), 0);
+    EXPECT_EQ(cv::norm(with_key.rowRange(0, 80), picture.rowRange(0, 80), cv::NORM_L1), 0);
 }
 
 TEST(Overlay, DrawsFeaturesWhereTheyAreWithTheirTails) {
