@@ -91,9 +91,8 @@ Sweep read_sweep(const std::string& file) {
     std::string line, section;
     for (int number = 1; std::getline(in, line); ++number) {
         const std::string where = file + " (line " + std::to_string(number) + "): ";
-        // A comment begins a line or stands behind a blank.
-        const std::string text(trimmed(std::string_view(line).substr(0, line.find(" #"))));
-        if (text.empty() || text[0] == '#' || text[0] == ';') continue;
+        const std::string text(without_comment(line));
+        if (text.empty()) continue;
         if (text[0] == '[' && text.back() == ']') {
             section = text.substr(1, text.size() - 2);
             continue;

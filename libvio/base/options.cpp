@@ -8,15 +8,12 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <string_view>
+
+#include "libvio/base/strings.h"
 
 namespace vio {
 namespace {
-
-std::string trimmed(const std::string& text) {
-    const auto begin = text.find_first_not_of(" \t\r\n");
-    if (begin == std::string::npos) return "";
-    return text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
-}
 
 template <typename T>
 std::string printed(T value) {
@@ -28,7 +25,7 @@ std::string printed(T value) {
 // Whole text must be the number: MRPT itself reads "12abc" as 12.
 template <typename T>
 T parsed(const std::string& raw, OptionSet::Range range) {
-    const std::string text = trimmed(raw);
+    const std::string text(trimmed(raw));
     T value{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || text.empty() ||
@@ -75,7 +72,7 @@ void OptionSet::add(std::string name, int* value, std::string unit, Range range,
 void OptionSet::add(std::string name, bool* value, std::string help) {
     add({"", std::move(name), "", "true | false", std::move(help),
          [=](const std::string& raw) {
-             const std::string text = trimmed(raw);
+             const std::string text(trimmed(raw));
              if (text == "true" || text == "1" || text == "yes")
                  *value = true;
              else if (text == "false" || text == "0" || text == "no")
@@ -88,7 +85,8 @@ void OptionSet::add(std::string name, bool* value, std::string help) {
 
 void OptionSet::add(std::string name, std::string* value, std::string help) {
     add({"", std::move(name), "", "", std::move(help),
-         [=](const std::string& text) { *value = trimmed(text); }, [=] { return *value; }});
+         [=](const std::string& text) { *value = std::string(trimmed(text)); },
+         [=] { return *value; }});
 }
 
 void OptionSet::add(std::string name, std::string* value, std::vector<std::string> choices,
@@ -96,7 +94,7 @@ void OptionSet::add(std::string name, std::string* value, std::vector<std::strin
     const std::string all = joined(choices);
     add({"", std::move(name), "", all, std::move(help),
          [=](const std::string& raw) {
-             const std::string text = trimmed(raw);
+             const std::string text(trimmed(raw));
              if (std::find(choices.begin(), choices.end(), text) == choices.end())
                  throw InputError("'" + text + "' is none of " + all);
              *value = text;
@@ -140,7 +138,8 @@ void OptionSet::load(const std::string& ini_file) {
         std::vector<std::string> keys;
         ini.getAllKeys(section, keys);
         for (const std::string& key : keys)
-            assign(ini_file, section, key, ini.read_string(section, key, ""));
+            assign(ini_file, section, key,
+                   std::string(without_comment(ini.read_string(section, key, ""))));
     }
     if (!any)
         throw InputError(ini_file + ": none of its sections is known here; expected [" +
@@ -152,8 +151,10 @@ void OptionSet::set(const std::string& assignment) {
     const auto dot = assignment.find('.');
     if (equals == std::string::npos || dot == std::string::npos || dot > equals)
         throw InputError("--set " + assignment + ": expected section.name=value");
-    assign("--set", trimmed(assignment.substr(0, dot)),
-           trimmed(assignment.substr(dot + 1, equals - dot - 1)), assignment.substr(equals + 1));
+    const std::string_view text = assignment;
+    assign("--set", std::string(trimmed(text.substr(0, dot))),
+           std::string(trimmed(text.substr(dot + 1, equals - dot - 1))),
+           std::string(text.substr(equals + 1)));
 }
 
 std::string OptionSet::to_ini() const {

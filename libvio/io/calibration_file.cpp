@@ -17,12 +17,6 @@
 namespace vio {
 namespace {
 
-// A value without the comment behind it, which MRPT leaves in.
-std::string without_comment(const std::string& value) {
-    const auto comment = std::min(value.find_first_of("#;"), value.find("//"));
-    return std::string(trimmed(std::string_view(value).substr(0, comment)));
-}
-
 // One key of the file, with the words for an error about it.
 struct Entry {
     std::string file, section, key, value;
@@ -225,7 +219,7 @@ void load_own(const std::string& file, const mrpt::config::CConfigFile& ini, Rig
             throw InputError(file + " [" + section + "]: no such section; camera and imu are");
         for (const std::string& key : keys) {
             const Entry entry{file, section, key,
-                              without_comment(ini.read_string(section, key, ""))};
+                              std::string(without_comment(ini.read_string(section, key, "")))};
             if (section == "camera")
                 camera.push_back(entry);
             else
@@ -248,7 +242,7 @@ std::optional<std::string> mrpt_section(const mrpt::config::CConfigFile& ini) {
 void load_mrpt(const std::string& file, const mrpt::config::CConfigFile& ini,
                const std::string& section, Rig& rig) {
     const auto entry = [&](const char* key) {
-        std::string value = without_comment(ini.read_string(section, key, ""));
+        std::string value(without_comment(ini.read_string(section, key, "")));
         std::replace_if(
             value.begin(), value.end(), [](char c) { return c == '[' || c == ']' || c == ','; },
             ' ');

@@ -15,7 +15,7 @@ std::optional<MappingApplication> read_mapping_application(const std::string& in
     const mrpt::config::CConfigFile ini(ini_file);
     if (!ini.sectionExists(section)) return std::nullopt;
     const auto text = [&](const char* key) {
-        return std::string(trimmed(ini.read_string(section, key, "")));
+        return std::string(without_comment(ini.read_string(section, key, "")));
     };
     const auto whole_number = [&](const char* key, int otherwise, int least) {
         const std::string word = text(key);

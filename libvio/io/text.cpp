@@ -28,12 +28,6 @@ bool is_digit(char c) {
 
 }  // namespace
 
-std::string_view trimmed(std::string_view text) {
-    const auto begin = text.find_first_not_of(kBlanks);
-    if (begin == std::string_view::npos) return {};
-    return text.substr(begin, text.find_last_not_of(kBlanks) - begin + 1);
-}
-
 std::optional<double> parse_double(std::string_view text) {
     const auto value = parsed<double>(text);
     if (value && !std::isfinite(*value)) return {};

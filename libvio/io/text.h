@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/strings.h"
 #include "libvio/base/types.h"
 #include "libvio/io/gz_stream.h"
 
@@ -26,7 +27,6 @@ std::string format(double value);
 /// Seconds with nine decimals, exact.
 std::string format_seconds(TimeNs t);
 
-std::string_view trimmed(std::string_view text);
 std::string read_text(const std::string& file);
 
 /// One line: message of an exception without line breaks.

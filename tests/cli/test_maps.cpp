@@ -35,10 +35,11 @@ class Maps : public testing::Test {
 };
 
 TEST_F(Maps, RunsByAConfigurationAloneAsMrptsSlamProgramsDo) {
-    const std::string ini =
-        config("rawlog_file = " + kDemo + "\nlogOutput_dir = " + folder_ / "LOG" +
-               "\nground_truth_file = " + kTruth +
-               "\nSAVE_3D_SCENES = 1\nSAVE_LOG_FREQUENCY = 25\n[iekf]\nprefix_images = 50\n");
+    const std::string ini = config(
+        "rawlog_file = " + kDemo + "\nlogOutput_dir = " + folder_ / "LOG" +
+        "\nground_truth_file = " + kTruth +
+        "\nSAVE_3D_SCENES = 1  // with comments as in MRPT's own files\nSAVE_LOG_FREQUENCY = 25\n"
+        "[iekf]\nprefix_images = 50  ; images\n");
     const ProgramResult result = run("run " + ini + " --to 2.8");
     ASSERT_EQ(result.exit_code, 0) << result.err;
     EXPECT_NE(read_text(folder_ / "LOG/options.ini").find("prefix_images = 50"), std::string::npos);
