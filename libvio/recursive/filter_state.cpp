@@ -172,8 +172,10 @@ void FilterState::settle() {
     waiting_.vector.setZero();
 }
 
-void FilterState::inflate(const CoreVector& variances) {
-    P_.diagonal().head(core_size_) += variances;
+void FilterState::inflate(double rotation, double position, double velocity) {
+    P_.diagonal().segment<3>(kRotation).array() += rotation * rotation;
+    P_.diagonal().segment<3>(kPosition).array() += position * position;
+    if (core_size_ > kVelocity) P_.diagonal().segment<3>(kVelocity).array() += velocity * velocity;
 }
 
 // ---- Which parts there are ----------------------------------------------------------------------

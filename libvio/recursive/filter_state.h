@@ -128,8 +128,8 @@ class FilterState {
     /// Forgets landmarks (marginalises them); remove[i] tells for landmark i.
     void marginalise(const std::vector<bool>& remove);
 
-    /// Makes the core less certain, by variances for each of its components.
-    void inflate(const CoreVector& variances);
+    /// Makes the core less certain, by standard deviations [rad], [m], [m/s].
+    void inflate(double rotation, double position, double velocity);
 
     LandmarkState& landmark(int idx) { return landmarks_[idx]; }
 

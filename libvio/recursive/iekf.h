@@ -25,6 +25,7 @@ struct IekfOptions {
     int prefix_images = 60;
     double start_velocity_sigma = 0.5;  ///< [m/s]
     double start_tilt_sigma = 0.1;      ///< [rad]
+    double start_scale_sigma = 0.25;    ///< share
 
     int clones = 11;
     int max_landmarks = 50;

@@ -26,6 +26,8 @@ void IekfOptions::describe(OptionSet& options) {
                 "largest uncertainty of velocity to start with");
     options.add("start_tilt_sigma", &start_tilt_sigma, "rad", {1e-4, 1},
                 "largest uncertainty of the direction of gravity to start with");
+    options.add("start_scale_sigma", &start_scale_sigma, "", {1e-3, 1},
+                "largest uncertainty of the path's scale to start with, as a share");
     options.add("clones", &clones, "images", {3, 60}, "earlier poses kept in the state");
     options.add("max_landmarks", &max_landmarks, "", {0, 1000}, "points kept in the state");
     options.add("lost_after", &lost_after, "images", {0, 1000},

@@ -51,6 +51,56 @@ std::vector<LandmarkSight> gated_sights(const FilterState& state,
     return passed;
 }
 
+std::vector<LandmarkSight> agreeing_sights(const FilterState& state,
+                                           const std::vector<LandmarkSight>& sights,
+                                           const Camera& camera, const Pose& T_I_C, double gate,
+                                           double rotation, double position) {
+    constexpr int kRounds = 10;
+    constexpr double kLossWidth2 = 9;  // of unit noise, squared
+    const Pose T_C_I = T_I_C.inverse();
+    std::vector<LandmarkSight> seen;
+    std::vector<PointRows> all;
+    for (const LandmarkSight& s : sights) {
+        const LandmarkState& landmark = state.landmarks()[s.landmark_idx];
+        const auto rows = rows_of(s, landmark.point, state.core().T_W_I,
+                                  state.clones()[landmark.anchor].T_W_I, camera, T_I_C, T_C_I);
+        if (!rows) continue;
+        seen.push_back(s);
+        all.push_back(*rows);
+    }
+    const auto m = static_cast<Eigen::Index>(all.size());
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2 * m, state.size());
+    Eigen::VectorXd residual(2 * m), weight = Eigen::VectorXd::Ones(2 * m), fit(2 * m);
+    for (Eigen::Index i = 0; i < m; ++i) {
+        const PointRows& rows = all[static_cast<std::size_t>(i)];
+        const int anchor = state.landmarks()[rows.landmark_idx].anchor;
+        H.block<2, 6>(2 * i, 0) = rows.J_pose;
+        H.block<2, 6>(2 * i, state.clone_offset(anchor)) += rows.J_anchor;
+        H.block<2, 3>(2 * i, state.landmark_offset(rows.landmark_idx)) = rows.J_landmark;
+        residual.segment<2>(2 * i) = rows.residual;
+    }
+    Vector6d doubt;
+    doubt << Eigen::Vector3d::Constant(rotation * rotation),
+        Eigen::Vector3d::Constant(position * position);
+    const Eigen::MatrixXd HP = H * state.covariance();
+    const Eigen::MatrixXd HPHt =
+        HP * H.transpose() + H.leftCols<6>() * doubt.asDiagonal() * H.leftCols<6>().transpose();
+    // What is left of the residuals is W^-1 S^-1 residual, with S = H P H^T + W^-1.
+    for (int round = 0; round < kRounds; ++round) {
+        Eigen::MatrixXd S = HPHt;
+        S.diagonal() += weight.cwiseInverse();
+        fit = S.llt().solve(residual).cwiseQuotient(weight);
+        for (Eigen::Index i = 0; i < m; ++i)
+            weight.segment<2>(2 * i).setConstant(
+                1 / (1 + fit.segment<2>(2 * i).squaredNorm() / kLossWidth2));
+    }
+    std::vector<LandmarkSight> agree;
+    for (Eigen::Index i = 0; i < m; ++i)
+        if (fit.segment<2>(2 * i).squaredNorm() < gate)
+            agree.push_back(seen[static_cast<std::size_t>(i)]);
+    return agree;
+}
+
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
                       const Camera& camera, const Pose& T_I_C, int max_iterations) {
     const Pose T_C_I = T_I_C.inverse();

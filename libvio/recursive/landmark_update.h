@@ -18,6 +18,14 @@ std::vector<LandmarkSight> gated_sights(const FilterState& state,
                                         const std::vector<LandmarkSight>& sights,
                                         const Camera& camera, const Pose& T_I_C, double gate);
 
+/// Sights that agree with one another, whether or not with the core's pose, which may be off by the
+/// standard deviations [rad], [m] beyond its own uncertainty: those within the gate of the mean
+/// that all together ask for, with weights after Cauchy's loss.
+std::vector<LandmarkSight> agreeing_sights(const FilterState& state,
+                                           const std::vector<LandmarkSight>& sights,
+                                           const Camera& camera, const Pose& T_I_C, double gate,
+                                           double rotation, double position);
+
 /// Iterated update with all sights jointly.
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
                       const Camera& camera, const Pose& T_I_C, int max_iterations);

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <vector>
+
+#include "libvio/recursive/observation.h"
 
 namespace vio {
 namespace {
@@ -13,8 +16,53 @@ std::string printed(const char* format, double a, double b) {
     return text;
 }
 
-double velocity_sigma(const StateEstimate& state) {
-    return std::sqrt(state.covariance.diagonal().segment<3>(kVelocity).maxCoeff());
+// Squared changes of velocity, over stretches of kStretch by what was read, in terms of what noise
+// would make of none, less that: the share of them that is motion. Zero if noise explains them.
+double share_of_motion(const Estimate& estimate, const ImuSequence& imu, const Rig& rig) {
+    constexpr double kStretch = 0.5;  // [s]
+    constexpr double kProbability = 0.999;
+    const double variance = rig.imu_noise.accel_noise_density * rig.imu_noise.accel_noise_density;
+    Eigen::Vector3d change = Eigen::Vector3d::Zero();
+    double seconds = 0, sum = 0;
+    int degrees = 0;
+    for (std::size_t k = 0; k + 1 < estimate.states.size(); ++k) {
+        const StateEstimate& from = estimate.states[k];
+        const TimeNs offset = from_seconds(rig.time_offset), to = estimate.states[k + 1].t;
+        const auto segments = imu.segments(from.t + offset, to + offset);
+        if (!segments) continue;
+        InertialState state;
+        state.R = from.T_W_B.R * rig.T_B_I.R;
+        for (const ImuSegment& segment : *segments)
+            integrate(state,
+                      {segment.dt, segment.gyro - from.gyro_bias, segment.accel - from.accel_bias},
+                      estimate.g_W);
+        change += state.v;
+        seconds += to_seconds(to - from.t);
+        if (seconds < kStretch) continue;
+        sum += change.squaredNorm() / (variance * seconds);
+        degrees += 3;
+        change.setZero();
+        seconds = 0;
+    }
+    if (degrees == 0 || sum < chi_square_quantile(degrees, kProbability)) return 0;
+    return 1 - degrees / sum;
+}
+
+// Relative standard deviations of the distances of the points in sight, in ascending order.
+std::vector<double> range_sigmas(const BatchTail& tail) {
+    std::vector<double> sigmas;
+    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
+        const auto at = 15 + 3 * static_cast<Eigen::Index>(i);
+        const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
+        const auto P = [&](Eigen::Index a, Eigen::Index b) {
+            return tail.covariance.block<3, 3>(a, b);
+        };
+        const Eigen::Matrix3d C =
+            P(at, at) - P(at, kPosition) - P(kPosition, at) + P(kPosition, kPosition);
+        sigmas.push_back(std::sqrt(std::max(0.0, d.dot(C * d))) / d.squaredNorm());
+    }
+    std::sort(sigmas.begin(), sigmas.end());
+    return sigmas;
 }
 
 }  // namespace
@@ -23,6 +71,10 @@ double tilt_sigma(const StateEstimate& state) {
     const Eigen::Matrix3d P =
         state.T_W_B.R * state.covariance.topLeftCorner<3, 3>() * state.T_W_B.R.transpose();
     return std::sqrt(std::max(P(0, 0), P(1, 1)));
+}
+
+double velocity_sigma(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+    return std::sqrt(covariance.diagonal().segment<3>(kVelocity).maxCoeff());
 }
 
 Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu)
@@ -54,56 +106,103 @@ bool Prefix::ready() const {
 }
 
 void Prefix::clear() {
+    gyro_bias_.reset();
     frames_.clear();
     readings_.clear();
     next_attempt_ = options_.prefix_images;
 }
 
-// The next attempt has half a prefix more of images, up to twice a prefix; then the oldest go.
 std::optional<Prefix::Start> Prefix::fail(std::string why) {
     why_ = std::move(why);
-    const int step = std::max(1, options_.prefix_images / 2);
-    const int longest = 2 * options_.prefix_images;
-    if (next_attempt_ + step > longest) {
-        frames_.erase(frames_.begin(), frames_.begin() + std::min(step, images() - 1));
-        const TimeNs oldest = frames_.front().t + from_seconds(rig_.time_offset);
-        while (readings_.size() > 1 && readings_[1].t <= oldest) readings_.pop_front();
-    } else {
-        next_attempt_ += step;
-    }
     return std::nullopt;
+}
+
+bool Prefix::full() const {
+    return next_attempt_ + step() > 2 * options_.prefix_images;
+}
+
+void Prefix::retry_later() {
+    if (!full()) {
+        next_attempt_ += step();
+        return;
+    }
+    frames_.erase(frames_.begin(), frames_.begin() + std::min(step(), images() - 1));
+    const TimeNs oldest = frames_.front().t + from_seconds(rig_.time_offset);
+    while (readings_.size() > 1 && readings_[1].t <= oldest) readings_.pop_front();
+}
+
+ImuSequence Prefix::readings(const ImuReading* next) const {
+    ImuSequence imu({readings_.begin(), readings_.end()});
+    if (next) imu.push_back(*next);
+    return imu;
 }
 
 std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
     BatchProblem problem;
     problem.rig = rig_;
     problem.frames.assign(frames_.begin(), frames_.end());
+    gyro_bias_.reset();
     BatchResult result;
     try {
-        if (use_imu_) {
-            problem.imu = ImuSequence({readings_.begin(), readings_.end()});
-            if (next) problem.imu.push_back(*next);
-        }
+        if (use_imu_) problem.imu = readings(next);
         result = estimate_batch(problem, batch_, std::nullopt, true);
     } catch (const InputError& error) {
         return fail(error.what());
     }
-    if (!result.report.converged) return fail("prefix not converged: " + result.report.reason);
-    if (!result.tail || result.tail->landmarks.empty())
-        return fail("prefix has no landmarks in its last image");
-    if (!result.tail->covariance.allFinite()) return fail("prefix has no covariance");
-    if (use_imu_) {
-        const double velocity = velocity_sigma(result.tail->state);
-        if (!(velocity <= options_.start_velocity_sigma))
-            return fail(printed("prefix velocity uncertain: sigma %.3g m/s, limit %.3g m/s",
-                                velocity, options_.start_velocity_sigma));
-        const double tilt = tilt_sigma(result.tail->state);
-        if (!(tilt <= options_.start_tilt_sigma))
-            return fail(printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
-                                options_.start_tilt_sigma));
-    }
+    if (result.tail && result.tail->covariance.allFinite())
+        gyro_bias_ = {result.tail->state.gyro_bias,
+                      result.tail->covariance.block<3, 3>(kGyroBias, kGyroBias)};
+    std::string why = why_not(result, problem.imu);
+    if (!why.empty()) return fail(std::move(why));
     return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
                  std::move(*result.tail)};
+}
+
+// The value that forbids to start at a result, and its limit; empty: none.
+std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) const {
+    if (!result.report.converged) return "prefix not converged: " + result.report.reason;
+    if (!result.tail || result.tail->landmarks.empty())
+        return "prefix has no landmarks in its last image";
+    if (!result.tail->covariance.allFinite()) return "prefix has no covariance";
+    if (!use_imu_) return {};
+    const double velocity = velocity_sigma(result.tail->state.covariance);
+    if (!(velocity <= options_.start_velocity_sigma))
+        return printed("prefix velocity uncertain: sigma %.3g m/s, limit %.3g m/s", velocity,
+                       options_.start_velocity_sigma);
+    const double tilt = tilt_sigma(result.tail->state);
+    if (!(tilt <= options_.start_tilt_sigma))
+        return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
+                       options_.start_tilt_sigma);
+    // The batch estimate takes for motion what noise adds to it, hence is too sure of its scale
+    // where there is little else.
+    const double motion = share_of_motion(result.estimate, imu, rig_);
+    if (motion == 0) return "the readings' changes of velocity are no more than noise";
+    const double scale = result.report.scale_sigma / std::sqrt(motion);
+    if (!(scale <= options_.start_scale_sigma))
+        return printed("prefix scale uncertain: sigma %.3g, limit %.3g", scale,
+                       options_.start_scale_sigma);
+    // Nor are errors normal where most points are too far to have a distance.
+    const std::vector<double> ranges = range_sigmas(*result.tail);
+    const double range = ranges[ranges.size() / 4];
+    if (!(range <= options_.new_point_sigma))
+        return printed("three of four points' distances uncertain: sigma %.3g and more, limit %.3g",
+                       range, options_.new_point_sigma);
+    return {};
+}
+
+std::optional<AttitudeStart> Prefix::attitude(const ImuReading* next) const {
+    const std::vector<FeatureFrame> frames(frames_.begin(), frames_.end());
+    const ImuSequence imu = readings(next);
+    const TimeNs offset = from_seconds(rig_.time_offset);
+    if (frames.size() < 2 || !imu.covers(frames.front().t + offset, frames.back().t + offset))
+        return std::nullopt;
+    GyroBias bias;
+    bias.covariance.diagonal().setConstant(batch_.gyro_bias_sigma * batch_.gyro_bias_sigma);
+    if (const auto seen = gyro_bias_of_rotation(frames, imu, rig_, options_.sigma_px))
+        bias = *seen;
+    else if (gyro_bias_)
+        bias = *gyro_bias_;
+    return start_of_attitude(frames, imu, bias, rig_, batch_);
 }
 
 }  // namespace vio

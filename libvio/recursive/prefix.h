@@ -1,17 +1,21 @@
 // Start from the batch estimate of the first images, section 5.2.
 #pragma once
 
+#include <algorithm>
 #include <deque>
 #include <optional>
 #include <string>
 
 #include "libvio/batch/batch.h"
 #include "libvio/recursive/iekf.h"
+#include "libvio/recursive/start_of_attitude.h"
 
 namespace vio {
 
 /// Standard deviation of the direction of gravity in the body frame [rad].
 double tilt_sigma(const StateEstimate& state);
+/// Largest standard deviation of the velocity's components [m/s]; covariance: in StateIndex order.
+double velocity_sigma(const Eigen::Ref<const Eigen::MatrixXd>& covariance);
 
 class Prefix {
  public:
@@ -32,16 +36,28 @@ class Prefix {
         std::vector<RelativeMotion> keyframe_motions;  ///< the last to the last image
         BatchTail tail;
     };
-    /// Start at the last image; nothing if it cannot be trusted, with the reason in why().
+    /// Start at the last image; nothing if it cannot be trusted, with the reason in why(); what
+    /// follows then is retry_later().
     /// next: the first reading at or after the last image, if there is one yet.
     std::optional<Start> attempt(const ImuReading* next);
     const std::string& why() const { return why_; }
+
+    /// Attitude at the last image, where the path is not to be had; nothing without readings.
+    std::optional<AttitudeStart> attitude(const ImuReading* next) const;
+
+    /// True if the oldest images must go to make room for those of the next attempt.
+    bool full() const;
+    /// The next attempt has half a prefix more of images, up to twice a prefix; then the oldest go.
+    void retry_later();
 
     /// Empties the buffers.
     void clear();
 
  private:
     std::optional<Start> fail(std::string why);
+    ImuSequence readings(const ImuReading* next) const;
+    std::string why_not(const BatchResult& result, const ImuSequence& imu) const;
+    int step() const { return std::max(1, options_.prefix_images / 2); }
 
     Rig rig_;
     IekfOptions options_;
@@ -50,6 +66,7 @@ class Prefix {
     std::deque<FeatureFrame> frames_;
     std::deque<ImuReading> readings_;
     int next_attempt_;
+    std::optional<GyroBias> gyro_bias_;  // of the last attempt
     std::string why_;
 };
 

@@ -16,12 +16,17 @@ namespace {
 
 constexpr int kMinSights = 3;      // of a point that is used at all
 constexpr int kLongestTrack = 64;  // sights, bounds the table of gates
+// Of a track that fails the gate: width of Cauchy's loss that tells which of its sights agree, and
+// how far these may be off [standard deviations of a sight].
+constexpr double kLossWidth = 3, kAgrees = 5;
 
-// A point in sight from given poses, from the sights alone; it keeps its anchor.
+// A point in sight from given poses, from the sights alone; it keeps its anchor. loss_width: of
+// Cauchy's loss, in standard deviations of a sight; 0: none.
 std::optional<AnchoredPoint> refined_point(AnchoredPoint point, const Pose& anchor,
                                            const Camera& camera, const Pose& T_I_C,
                                            const std::vector<Pose>& poses,
-                                           const std::vector<Sight>& sights) {
+                                           const std::vector<Sight>& sights,
+                                           double loss_width = 0) {
     constexpr int kIterations = 8;
     const Pose T_C_I = T_I_C.inverse();
     double cost = -1;
@@ -35,9 +40,11 @@ std::optional<AnchoredPoint> refined_point(AnchoredPoint point, const Pose& anch
             const auto seen = sight_residual(camera, T_C_I, poses[k], place.p_W, sights[k]);
             if (!seen) return std::nullopt;
             const Matrix23d J = seen->J_point * place.J_point;
-            A += J.transpose() * J;
-            b += J.transpose() * seen->residual;
-            new_cost += seen->residual.squaredNorm();
+            const double r2 = seen->residual.squaredNorm(), width2 = loss_width * loss_width;
+            const double weight = loss_width > 0 ? 1 / (1 + r2 / width2) : 1;
+            A += weight * J.transpose() * J;
+            b += weight * J.transpose() * seen->residual;
+            new_cost += loss_width > 0 ? width2 * std::log1p(r2 / width2) : r2;
         }
         if (cost >= 0 && std::abs(cost - new_cost) <= 1e-6 * (1 + cost)) return point;
         if (cost >= 0 && new_cost > 4 * cost + 100) return std::nullopt;
@@ -88,15 +95,22 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
         const bool budget = outcome.used + outcome.rejected < options_.max_points;
         if (sights >= kMinSights && budget && (ended || leaves || candidate)) {
             auto point = split(state, id, track);
-            const bool landmark = point && candidate && precise(*point);
-            if (point && (landmark || ended || leaves)) {
-                done = true;
-                if (!passes_gate(state, *point)) {
-                    ++outcome.rejected;
-                } else {
-                    ++outcome.used;
-                    if (landmark) --room;
-                    (landmark ? new_landmarks : used).push_back(std::move(*point));
+            bool landmark = point && candidate && precise(*point);
+            if (landmark || ended || leaves) {
+                bool good = point && passes_gate(state, *point);
+                const auto agree = good ? std::nullopt : agreeing(state, track);
+                if (agree) {
+                    point = split(state, id, *agree);
+                    good = point && passes_gate(state, *point);
+                    landmark = good && candidate && precise(*point) &&
+                               agree->back().image_idx == image_idx;
+                }
+                const bool waits = good && !landmark && !ended && !leaves;
+                if (point && !waits) {
+                    done = true;
+                    ++(good ? outcome.used : outcome.rejected);
+                    if (good && landmark) --room;
+                    if (good) (landmark ? new_landmarks : used).push_back(std::move(*point));
                 }
             }
         }
@@ -110,11 +124,9 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
     return outcome;
 }
 
-std::optional<Window::Split> Window::split(const FilterState& state, FeatureId id,
-                                           const Track& track) const {
-    std::vector<Pose> poses;
-    std::vector<int> slots;
-    std::vector<Sight> sights;
+std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& track,
+                                         double loss_width) const {
+    Seen seen;
     std::vector<SightLine> lines;
     for (const SightAt& s : track) {
         const int slot = state.find_clone(s.image_idx);
@@ -124,23 +136,49 @@ std::optional<Window::Split> Window::split(const FilterState& state, FeatureId i
         const Pose& T_W_I = state.clones()[slot].T_W_I;
         const Pose T_W_C = T_W_I * T_I_C_;
         lines.push_back({T_W_C * ray->origin, T_W_C.R * ray->direction});
-        poses.push_back(T_W_I);
-        slots.push_back(slot);
-        sights.push_back(s.sight);
+        seen.poses.push_back(T_W_I);
+        seen.slots.push_back(slot);
+        seen.sights.push_back(s.sight);
     }
-    const int n = static_cast<int>(poses.size());
-    if (n < kMinSights) return std::nullopt;
+    if (static_cast<int>(seen.poses.size()) < kMinSights) return std::nullopt;
     const auto rough = triangulate(lines, options_.angular_sigma);
     if (!rough) return std::nullopt;
+    const Pose& anchor = seen.poses.back();
+    const auto refined = refined_point(anchored(rough->point, anchor, T_I_C_), anchor, *camera_,
+                                       T_I_C_, seen.poses, seen.sights, loss_width);
+    if (!refined || !refined->in_front()) return std::nullopt;
+    seen.point = *refined;
+    return seen;
+}
+
+// The sights that agree with one point; nothing if that are all, or not most.
+std::optional<Window::Track> Window::agreeing(const FilterState& state, const Track& track) const {
+    const auto point = seen(state, track, kLossWidth);
+    if (!point) return std::nullopt;
+    const Eigen::Vector3d p_W = placed(point->point, point->poses.back(), T_I_C_).p_W;
+    Track agree;
+    for (const SightAt& s : track) {
+        const int slot = state.find_clone(s.image_idx);
+        if (slot < 0) continue;
+        const auto at = sight_residual(*camera_, T_C_I_, state.clones()[slot].T_W_I, p_W, s.sight);
+        if (at && at->residual.squaredNorm() < kAgrees * kAgrees) agree.push_back(s);
+    }
+    if (agree.size() == track.size() || 2 * agree.size() <= track.size()) return std::nullopt;
+    return agree;
+}
+
+std::optional<Window::Split> Window::split(const FilterState& state, FeatureId id,
+                                           const Track& track) const {
+    const auto found = seen(state, track, 0);
+    if (!found) return std::nullopt;
+    const auto& [poses, slots, sights, start] = *found;
+    const int n = static_cast<int>(poses.size());
     Split split;
     split.id = id;
     split.sights = n;
     split.anchor = slots.back();
+    split.point = start;
     const Pose& anchor = poses.back();
-    const auto refined = refined_point(anchored(rough->point, anchor, T_I_C_), anchor, *camera_,
-                                       T_I_C_, poses, sights);
-    if (!refined || !refined->in_front()) return std::nullopt;
-    split.point = *refined;
 
     // [H_l | H_x | r], then the orthogonal factor of H_l applied to all.
     const PlacedPoint place = placed(split.point, anchor, T_I_C_);

@@ -55,6 +55,14 @@ class Window {
     };
     using Track = std::vector<SightAt>;
 
+    // A track's sights from clones that there are, and the point that they alone give.
+    struct Seen {
+        std::vector<Pose> poses;
+        std::vector<int> slots;
+        std::vector<Sight> sights;
+        AnchoredPoint point;  // anchored to the last
+    };
+
     // A point with its rows split as above, at the point that the sights alone give.
     struct Split {
         FeatureId id = -1;
@@ -68,6 +76,8 @@ class Window {
         Eigen::VectorXd residual;
     };
 
+    std::optional<Seen> seen(const FilterState& state, const Track& track, double loss_width) const;
+    std::optional<Track> agreeing(const FilterState& state, const Track& track) const;
     std::optional<Split> split(const FilterState& state, FeatureId id, const Track& track) const;
     bool passes_gate(const FilterState& state, const Split& point) const;
     bool precise(const Split& point) const;

@@ -3,6 +3,7 @@
 //   vio_filter_runs causal SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs consistency SCENARIO.ini [SEEDS] [ARGUMENT...]
 //   vio_filter_runs faults SCENARIO.ini [SEEDS] [ARGUMENT...]
+//   vio_filter_runs honesty SCENARIO.ini... [SEEDS] [ARGUMENT...]
 // ARGUMENT: section.name=value of the scenario, of [iekf], [batch] or [told] (noise densities that
 // the estimators believe in); --no-batch leaves the batch estimate out of compare. Errors are after
 // alignment by position and yaw. The paper's tables: vio-slam reproduce.
@@ -29,6 +30,7 @@ struct Setup {
     // Noise densities that the estimators are told, if not the true ones.
     double gyro_noise_density = 0, accel_noise_density = 0;
     bool with_batch = true;
+    bool stated = false;  // calibration as the recording would state it, with its errors
     int seeds = 1;
 };
 
@@ -54,6 +56,8 @@ Setup setup(int argc, char** argv) {
         const std::string a = argv[i];
         if (a == "--no-batch") {
             s.with_batch = false;
+        } else if (a.ends_with(".ini")) {
+            continue;
         } else if (a.find('=') == std::string::npos) {
             s.seeds = std::stoi(a);
         } else {
@@ -63,6 +67,18 @@ Setup setup(int argc, char** argv) {
         }
     }
     return s;
+}
+
+// One for each of several scenarios.
+std::vector<Setup> setups(int argc, char** argv) {
+    std::vector<Setup> all;
+    for (int i = 2; i < argc && std::string(argv[i]).ends_with(".ini"); ++i) {
+        std::swap(argv[2], argv[i]);
+        all.push_back(setup(argc, argv));
+        all.back().stated = true;
+        std::swap(argv[2], argv[i]);
+    }
+    return all;
 }
 
 vio::ScenarioOptions scenario(const Setup& s, int seed) {
@@ -78,7 +94,7 @@ struct Filtered {
 };
 
 vio::Rig rig(const vio::Simulation& sim, const Setup& s) {
-    vio::Rig rig = sim.rig();
+    vio::Rig rig = s.stated ? sim.stated_rig() : sim.rig();
     if (s.gyro_noise_density > 0) rig.imu_noise.gyro_noise_density = s.gyro_noise_density;
     if (s.accel_noise_density > 0) rig.imu_noise.accel_noise_density = s.accel_noise_density;
     return rig;
@@ -255,26 +271,78 @@ void consistency(const Setup& s) {
     std::printf("position RMSE %.2f cm\n", 100 * root(squared_error / poses));
 }
 
-// A row for each interruption of the messages: images with a pose, and of these marked lost; where
-// not lost, position RMSE and the worst error in standard deviations (root of the Mahalanobis
-// distance); error in the end; then what the filter said after the interruption began. Errors after
-// alignment of the first pose by yaw and position; worst over the seeds.
+// How far an estimate may be believed: images with a pose, and of these marked lost; where not
+// lost, position RMSE and the worst errors in standard deviations (root of the Mahalanobis
+// distance); error in the end. Errors after alignment of the first pose by yaw and position; worst
+// over seeds.
+struct Honesty {
+    int poses = 0, lost = 0, end_lost = 0;
+    double rmse = 0, position_sigmas = 0, rotation_sigmas = 0, end = 0;
+
+    void add(const vio::Simulation& sim, const Estimate& estimate);
+    void print(const char* name) const {
+        std::printf("%-20s %6d %6d %9.2f %9.2f %9.2f %8.2f %9d\n", name, poses, lost, 100 * rmse,
+                    position_sigmas, rotation_sigmas, 100 * end, end_lost);
+        std::fflush(stdout);
+    }
+    static void print_header(const char* name) {
+        std::printf("%-20s %6s %6s %9s %9s %9s %8s %9s\n", name, "poses", "lost", "RMSE cm",
+                    "pos sigma", "rot sigma", "end cm", "end lost");
+    }
+};
+
+void Honesty::add(const vio::Simulation& sim, const Estimate& estimate) {
+    if (estimate.states.empty()) return;
+    std::size_t i = 0;
+    while (sim.truth()[i].t != estimate.states.front().t) ++i;
+    const vio::Similarity S =
+        align_yaw_position(estimate.states.front().T_W_B, sim.truth()[i].T_W_B);
+    double sum2 = 0;
+    int good = 0;
+    for (const vio::StateEstimate& state : estimate.states) {
+        while (sim.truth()[i].t < state.t) ++i;
+        const vio::Pose truth = S.inverse() * sim.truth()[i].T_W_B;
+        const Vector6d e = truth.boxminus(state.T_W_B);
+        const auto sigmas = [&](int at) {
+            const Eigen::Matrix3d C = state.covariance.block<3, 3>(at, at);
+            const Eigen::Vector3d d = e.segment<3>(at);
+            return C.diagonal().minCoeff() <= 1e-10 ? 0 : root(d.dot(C.ldlt().solve(d)));
+        };
+        end = std::max(end, state.t == estimate.states.back().t ? e.tail<3>().norm() : 0.0);
+        lost += state.lost;
+        ++poses;
+        rotation_sigmas = std::max(rotation_sigmas, sigmas(vio::kRotation));
+        if (state.lost) continue;
+        sum2 += e.tail<3>().squaredNorm();
+        ++good;
+        position_sigmas = std::max(position_sigmas, sigmas(vio::kPosition));
+    }
+    rmse = std::max(rmse, root(sum2 / std::max(1, good)));
+    end_lost += estimate.states.back().lost;
+}
+
+// What the filter said from a time [s] on.
+void print_said(const vio::Simulation& sim, const Filtered& f, double from) {
+    for (const vio::StatusEntry& entry : f.status)
+        if (sim.seconds(entry.t) > from)
+            std::printf("        %.2f s: %s\n", sim.seconds(entry.t), entry.text.c_str());
+}
+
+// A row for each interruption of the messages, and what the filter said of it (first seed).
 void faults(const Setup& s) {
     constexpr double kFrom = 6;  // [s]
     struct Row {
         const char* key;
         double seconds;
     };
-    const Row rows[] = {{"dark", 2},        {"dark", 5},          {"dark", 10},
-                        {"no_images", 0.5}, {"no_images", 2},     {"no_images", 5},
-                        {"no_images", 10},  {"no_readings", 0.1}, {"no_readings", 0.5},
-                        {"no_readings", 1}, {"no_readings", 2},   {"no_readings", 5}};
-    std::printf("%-18s %6s %6s %9s %9s %7s %9s\n", "missing from 6 s on", "poses", "lost",
-                "RMSE cm", "sigmas", "end cm", "end lost");
+    const Row rows[] = {{"dark", 0},          {"dark", 2},        {"dark", 5},
+                        {"dark", 10},         {"no_images", 0.5}, {"no_images", 2},
+                        {"no_images", 5},     {"no_images", 10},  {"no_readings", 0.1},
+                        {"no_readings", 0.5}, {"no_readings", 1}, {"no_readings", 2},
+                        {"no_readings", 5}};
+    Honesty::print_header("missing from 6 s on");
     for (const Row& row : rows) {
-        int poses = 0, lost = 0, end_lost = 0;
-        double rmse = 0, sigmas = 0, end = 0;
-        std::string said;
+        Honesty honesty;
         for (int seed = 0; seed < s.seeds; ++seed) {
             vio::ScenarioOptions options = scenario(s, seed);
             vio::OptionSet set;
@@ -283,40 +351,27 @@ void faults(const Setup& s) {
             set.set("messages." + std::string(row.key) + "_from=" + std::to_string(kFrom));
             const vio::Simulation sim(options);
             const Filtered f = filtered(sim, s);
-            if (f.estimate.states.empty()) continue;
-            std::size_t i = 0;
-            while (sim.truth()[i].t != f.estimate.states.front().t) ++i;
-            const vio::Similarity S =
-                align_yaw_position(f.estimate.states.front().T_W_B, sim.truth()[i].T_W_B);
-            double sum2 = 0;
-            int good = 0;
-            for (const vio::StateEstimate& state : f.estimate.states) {
-                while (sim.truth()[i].t < state.t) ++i;
-                const Eigen::Vector3d e =
-                    S.R.transpose() * (sim.truth()[i].T_W_B.p - (S * state.T_W_B).p);
-                end = std::max(end, state.t == f.estimate.states.back().t ? e.norm() : 0.0);
-                lost += state.lost;
-                ++poses;
-                const Eigen::Matrix3d C =
-                    state.covariance.block<3, 3>(vio::kPosition, vio::kPosition);
-                if (state.lost || C.diagonal().minCoeff() <= 1e-10) continue;
-                sum2 += e.squaredNorm();
-                ++good;
-                sigmas = std::max(sigmas, root(e.dot(C.ldlt().solve(e))));
-            }
-            rmse = std::max(rmse, root(sum2 / std::max(1, good)));
-            end_lost += f.estimate.states.back().lost;
-            for (const vio::StatusEntry& entry : f.status)
-                if (seed == 0 && sim.seconds(entry.t) > kFrom) {
-                    char text[300];
-                    std::snprintf(text, sizeof text, "        %.2f s: %s\n", sim.seconds(entry.t),
-                                  entry.text.c_str());
-                    said += text;
-                }
+            honesty.add(sim, f.estimate);
+            if (seed == 0) print_said(sim, f, kFrom);
         }
-        std::printf("%-12s %5.1f s %6d %6d %9.2f %9.2f %7.2f %9d\n%s", row.key, row.seconds, poses,
-                    lost, 100 * rmse, sigmas, 100 * end, end_lost, said.c_str());
-        std::fflush(stdout);
+        char name[40];
+        std::snprintf(name, sizeof name, "%s %.1f s", row.key, row.seconds);
+        honesty.print(name);
+    }
+}
+
+// A row for each scenario, and what the filter said (first seed).
+void honesty(const std::vector<Setup>& setups) {
+    Honesty::print_header("");
+    for (const Setup& s : setups) {
+        Honesty honesty;
+        for (int seed = 0; seed < s.seeds; ++seed) {
+            const vio::Simulation sim(scenario(s, seed));
+            const Filtered f = filtered(sim, s);
+            honesty.add(sim, f.estimate);
+            if (seed == 0) print_said(sim, f, -1);
+        }
+        honesty.print(s.scenario.name.c_str());
     }
 }
 
@@ -334,6 +389,8 @@ int main(int argc, char** argv) {
             consistency(s);
         else if (command == "faults")
             faults(s);
+        else if (command == "honesty")
+            honesty(setups(argc, argv));
         else
             throw vio::InputError(command + ": no such command");
     } catch (const std::exception& error) {

@@ -1,0 +1,83 @@
+// Whether the motion is known: lost, blind, contradicted.
+#include <cstdio>
+
+#include "libvio/recursive/iekf_impl.h"
+
+namespace vio {
+
+namespace {
+
+constexpr int kMaxBadImages = 3;   // consecutive, then all landmarks are
+constexpr int kJudgedSights = 30;  // of the judged images, if their share is to count
+// What is added to the core's uncertainty when most landmarks have contradicted it for long.
+constexpr double kLostRotation = 0.1, kLostPosition = 1.0, kLostVelocity = 1.0;
+
+}  // namespace
+
+void Iekf::Impl::judge(TimeNs t) {
+    bad_images = contradicted && used < options.min_features ? bad_images + 1 : 0;
+    if (bad_images == 1) log(t, "most points contradict the state; coasting");
+    if (bad_images == kMaxBadImages) {
+        log(t, "points given up");
+        give_up(std::vector<bool>(state->landmarks().size(), true));
+        window.clear();
+    }
+    if (used >= options.min_features) last_good = t;
+    const bool unsure = known_velocity() > options.lost_velocity_sigma;
+    const bool now_lost = unseen(t) || unsure || abandoned;
+    const auto why = [&] { return velocity_known(options.lost_velocity_sigma); };
+    if (now_lost != lost)
+        log(t, !now_lost ? "tracking found again"
+               : unseen(t)
+                   ? "tracking lost: fewer than " + std::to_string(options.min_features) +
+                         " points used for " + std::to_string(options.lost_after_seconds) + " s"
+                   : "tracking lost: " + why());
+    lost = now_lost;
+    if (!restarts()) return;
+    if (restarting && !abandoned && !lost) return recovered(t);
+    if (!abandoned && contradicts()) {
+        abandon(t, "most points have contradicted the state for a while");
+        state->inflate(kLostRotation, kLostPosition, kLostVelocity);
+    } else if (unsure && !restarting) {
+        restart(t, why());
+    }
+}
+
+// Coasting without points can make the state so uncertain that updates would be linearised far from
+// the truth, and believe in their errors.
+void Iekf::Impl::abandon_if_blind(TimeNs t) {
+    if (restarts() && !abandoned && unseen(t) && known_velocity() > options.blind_velocity_sigma)
+        abandon(t, "no points in sight, " + velocity_known(options.blind_velocity_sigma));
+}
+
+// From now on the state is not updated, until there is a new start.
+void Iekf::Impl::abandon(TimeNs t, const std::string& why) {
+    if (!restarting) restart(t, why);
+    abandoned = lost = true;
+    give_up(std::vector<bool>(state->landmarks().size(), true));
+    window.clear();
+}
+
+std::string Iekf::Impl::velocity_known(double limit) const {
+    char text[160];
+    std::snprintf(text, sizeof text, "velocity known to %.2g m/s, limit %.2g m/s", known_velocity(),
+                  limit);
+    return text;
+}
+
+// Standard deviation of the velocity [m/s].
+double Iekf::Impl::known_velocity() const {
+    return use_imu ? velocity_sigma(state->core_covariance()) : 0;
+}
+
+// Whether most landmarks of the last images have failed the gate.
+bool Iekf::Impl::contradicts() {
+    int all = 0, passed = 0;
+    for (const Sights& image : judged) {
+        all += image.known;
+        passed += image.passed;
+    }
+    return all >= kJudgedSights && passed < kBadShare * all;
+}
+
+}  // namespace vio

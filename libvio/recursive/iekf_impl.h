@@ -1,0 +1,125 @@
+// The inside of the recursive estimator: what it holds and the steps of its course. The course is
+// in iekf.cpp; the steps are in iekf_start.cpp, iekf_points.cpp, iekf_health.cpp and
+// iekf_output.cpp.
+#pragma once
+
+#include <deque>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "libvio/recursive/iekf.h"
+#include "libvio/recursive/landmark_update.h"
+#include "libvio/recursive/message_queue.h"
+#include "libvio/recursive/motion.h"
+#include "libvio/recursive/prefix.h"
+#include "libvio/recursive/rest.h"
+#include "libvio/recursive/window.h"
+#include "libvio/tracking/keyframes.h"
+
+namespace vio {
+
+struct Iekf::Impl {
+    Impl(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu);
+
+    // ---- The course ----------------------------------------------------------------------------
+
+    void take_messages(bool at_end);
+    void take(const ImuReading& reading);
+    void take(const TimedFrame& image);
+
+    void process_image(const TimedFrame& image);
+
+    // ---- Steps ---------------------------------------------------------------------------------
+
+    TimeNs given_time() const;
+    void begin_given(const ImuReading& next);
+    bool starting() const { return (!state && !given_start) || restarting; }
+    void try_start(const TimedFrame& image);
+    void start_from_rest();
+    bool start_from_prefix(const ImuReading* next);
+    void coast_from_attitude();
+    ImuReading reading_at(TimeNs t_imu) const;
+    void begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
+                     const Pose& from, TimeNs from_t, const std::string& how);
+    void begin(const BatchTail& tail, const ImuReading& at);
+    void restart(TimeNs t, const std::string& why);
+    void recovered(TimeNs t);
+    void move_to(TimeNs t_imu);
+    void sort_features(const FeatureFrame& frame);
+    void update_known_points();
+    bool sights_to_blame(const std::vector<LandmarkSight>& passed) const;
+    void drop_lost_points();
+    void hold_at_rest();
+    void use_window_points();
+    void release(int slot);
+    bool unseen(TimeNs t) const { return to_seconds(t - last_good) > options.lost_after_seconds; }
+    double known_velocity() const;
+    std::string velocity_known(double limit) const;
+    bool restarts() const { return use_imu && options.motion == "imu_driven"; }
+    void abandon_if_blind(TimeNs t);
+    void abandon(TimeNs t, const std::string& why);
+    bool contradicts();
+    void judge(TimeNs t);
+    void report(TimeNs t, int features);
+    void follow_keyframes(const FeatureFrame& frame);
+    void end_keyframe();
+    void note_landmark(int idx);
+    void give_up(const std::vector<bool>& remove);
+    void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
+    TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
+
+    Rig rig;
+    IekfOptions options;
+    bool use_imu;
+    Pose T_I_C;
+    MessageQueue<> queue;
+    Prefix prefix;
+    BatchOptions priors;
+    RestDetector rest;
+    std::unique_ptr<MotionModel> motion;
+    Window window;
+    double landmark_gate;
+
+    std::optional<FilterState> state;      // once started
+    std::optional<BatchTail> given_start;  // until readings reach it
+    std::optional<ImuReading> last_reading;
+    ImuReading now;  // of the state's time
+    TimeNs started_at = 0;
+    int image_idx = 0;
+    KeyframeSelector keyframes;
+    int keyframe_idx = 0;  // image of the last key-frame
+    TimeNs image_time = 0, keyframe_time = 0;
+
+    // Of the image in work.
+    std::vector<LandmarkSight> known;
+    int used = 0;
+    bool contradicted = false;
+    std::vector<FeatureId> rejected;  // not yet taken by the caller
+
+    // Health.
+    static constexpr double kBadShare = 0.5;  // of an image's landmarks passing the gate
+    static constexpr int kJudgedImages = 10;  // over which that share is judged, too
+    struct Sights {
+        int known, passed;
+    };
+    std::deque<Sights> judged;  // of the last images
+    bool restarting = false;    // a new start is being looked for while the state coasts
+    bool abandoned = false;     // and images contradict the state: it is not updated
+    std::map<TimeNs, StateEstimate> coasted;  // while restarting, at images
+    int bad_images = 0;
+    TimeNs last_good = 0;
+    TimeNs gap_told = 0;  // reading after which there was a gap
+    bool lost = false;
+
+    TimeNs last_report = std::numeric_limits<TimeNs>::min();
+    Estimate result;
+    std::map<FeatureId, LandmarkEstimate> landmark_estimates;
+    std::vector<StatusEntry> status;
+};
+
+}  // namespace vio

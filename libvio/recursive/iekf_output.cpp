@@ -1,0 +1,94 @@
+// What is published: states, landmarks, motions between key-frames.
+#include <algorithm>
+
+#include "libvio/geometry/relative_pose.h"
+#include "libvio/recursive/body_frame.h"
+#include "libvio/recursive/iekf_impl.h"
+
+namespace vio {
+
+using Eigen::Vector3d;
+
+// Adds the state to the result, once for each time.
+void Iekf::Impl::report(TimeNs t, int features) {
+    if (t <= last_report) return;
+    last_report = t;
+    const Vector3d omega_I = !use_imu ? Vector3d(Vector3d::Zero())
+                             : state->core_size() == static_cast<int>(CoreKind::smooth)
+                                 ? state->core().omega_I
+                                 : Vector3d(now.gyro - state->core().gyro_bias);
+    Matrix15d J;
+    StateEstimate out = body_state(state->core(), rig.T_B_I.inverse(), omega_I, &J);
+    out.t = t;
+    const int c = std::min(15, state->core_size());
+    out.covariance.topLeftCorner(c, c) = state->core_covariance().topLeftCorner(c, c);
+    out.covariance = (J * out.covariance * J.transpose()).eval();
+    out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+    out.lost = lost;
+    out.features = features;
+    result.states.push_back(out);
+    if (restarting) {
+        coasted.insert({t, out});
+        while (static_cast<int>(coasted.size()) > 4 * options.prefix_images)
+            coasted.erase(coasted.begin());
+    }
+    if (state->core_size() > kGravity) {
+        result.g_W = state->core().g_W;
+        result.gravity_covariance = state->core_covariance().block<3, 3>(kGravity, kGravity);
+    }
+}
+
+// A new key-frame where the image shows too little of the last one, and before the last one's clone
+// is released: the motion between them then follows from the joint covariance of their clones.
+void Iekf::Impl::follow_keyframes(const FeatureFrame& frame) {
+    if (!keyframes.wants(frame) && image_idx - keyframe_idx < options.clones - 1) return;
+    keyframes.take(frame);
+    end_keyframe();
+}
+
+void Iekf::Impl::end_keyframe() {
+    const int a = state->find_clone(keyframe_idx), b = state->find_clone(image_idx);
+    if (a >= 0 && b >= 0 && a != b) {
+        const Pose T_I_B = rig.T_B_I.inverse();
+        const Pose &A = state->clones()[a].T_W_I, &B = state->clones()[b].T_W_I;
+        const RelativePose relative = relative_pose(A * T_I_B, B * T_I_B);
+        Eigen::Matrix<double, 6, 12> J = relative.J;
+        J.leftCols<6>() = (J.leftCols<6>() * right_compose_jacobian(A, T_I_B)).eval();
+        J.rightCols<6>() = (J.rightCols<6>() * right_compose_jacobian(B, T_I_B)).eval();
+        const auto P_all = state->covariance();
+        const int at[2] = {state->clone_offset(a), state->clone_offset(b)};
+        Eigen::Matrix<double, 12, 12> P;
+        for (int r = 0; r < 2; ++r)
+            for (int c = 0; c < 2; ++c)
+                P.block<6, 6>(6 * r, 6 * c) = P_all.block<6, 6>(at[r], at[c]);
+        result.keyframe_motions.push_back(
+            {keyframe_time, image_time, relative.T_A_B, J * P * J.transpose()});
+    }
+    keyframe_idx = image_idx;
+    keyframe_time = image_time;
+}
+
+// Notes a landmark's estimate for the result.
+void Iekf::Impl::note_landmark(int i) {
+    const LandmarkState& landmark = state->landmarks()[i];
+    if (!landmark.point.in_front()) return;
+    const PlacedPoint place = placed(landmark.point, state->clones()[landmark.anchor].T_W_I, T_I_C);
+    Eigen::Matrix<double, 3, 9> G;
+    G << place.J_rotation, Eigen::Matrix3d::Identity(), place.J_point;
+    const int anchor = state->clone_offset(landmark.anchor), at = state->landmark_offset(i);
+    const auto P_all = state->covariance();
+    Eigen::Matrix<double, 9, 9> P;
+    P << P_all.block<6, 6>(anchor, anchor), P_all.block<6, 3>(anchor, at),
+        P_all.block<3, 6>(at, anchor), P_all.block<3, 3>(at, at);
+    landmark_estimates[landmark.id] = {landmark.id, place.p_W, G * P * G.transpose(),
+                                       landmark.observations};
+}
+
+// Takes landmarks out of the state.
+void Iekf::Impl::give_up(const std::vector<bool>& remove) {
+    for (std::size_t i = 0; i < remove.size(); ++i)
+        if (remove[i]) note_landmark(static_cast<int>(i));
+    state->marginalise(remove);
+}
+
+}  // namespace vio
