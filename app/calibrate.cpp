@@ -9,7 +9,7 @@ namespace vio::app {
 namespace {
 
 // Each declares one kind; see app/calibrate.h.
-constexpr void (*kKinds[])(CLI::App&) = {add_calibrate_mirror};
+constexpr void (*kKinds[])(CLI::App&) = {add_calibrate_mirror, add_calibrate_imu};
 
 }  // namespace
 

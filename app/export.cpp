@@ -1,9 +1,12 @@
-// vio-slam export: a result in the formats of other programs.
+// vio-slam export: results, and recordings, in the formats of other programs.
 #include <iostream>
 #include <memory>
 
+#include "app/calibration_option.h"
 #include "app/commands.h"
+#include "app/progress.h"
 #include "libvio/base/errors.h"
+#include "libvio/io/asl_export.h"
 #include "libvio/io/export.h"
 #include "libvio/io/ply.h"
 #include "libvio/io/results.h"
@@ -14,9 +17,26 @@ namespace {
 struct Arguments {
     std::string folder, format, output, colour = "image";
     bool ascii = false;
+    AslExportOptions asl;
 };
 
+void export_recording(const Arguments& arguments) {
+    AslExportReport report;
+    {
+        Progress progress("exporting");
+        report = export_asl(arguments.folder, arguments.output, arguments.asl,
+                            [&](double share) { progress.update(share); });
+    }
+    std::cout << arguments.output << "/mav0: " << report.images << " images, "
+              << report.feature_frames << " feature frames, " << report.imu_readings
+              << " IMU readings, " << report.truth_poses << " true poses\n";
+    if (report.left_out > 0)
+        std::cout << "left out: " << report.left_out
+                  << " odometry and GPS readings, for which the layout has no place\n";
+}
+
 void run(const Arguments& arguments) {
+    if (arguments.format == "asl") return export_recording(arguments);
     const Estimate estimate = read_results(arguments.folder);
     if (arguments.format == "kitti") write_kitti(arguments.output, estimate);
     if (arguments.format == "euroc") write_euroc(arguments.output, estimate);
@@ -33,15 +53,16 @@ void run(const Arguments& arguments) {
 }  // namespace
 
 void add_export(CLI::App& program) {
-    CLI::App* command =
-        program.add_subcommand("export", "Write a result in the format of another program");
+    CLI::App* command = program.add_subcommand(
+        "export", "Write a result or a recording in the format of another program");
     auto arguments = std::make_shared<Arguments>();
-    command->add_option("RESULT", arguments->folder, "Results folder")->required();
+    command->add_option("RESULT", arguments->folder, "Results folder; for asl a rawlog")
+        ->required();
     command
         ->add_option("--as", arguments->format,
                      "kitti: poses; euroc: poses, velocities and biases as CSV; vrml: shape and "
-                     "motion (VRML 2.0); ply: landmarks")
-        ->check(CLI::IsMember({"kitti", "euroc", "vrml", "ply"}))
+                     "motion (VRML 2.0); ply: landmarks; asl: a rawlog as EuRoC/ASL data set")
+        ->check(CLI::IsMember({"kitti", "euroc", "vrml", "ply", "asl"}))
         ->required();
     command
         ->add_option(
@@ -51,7 +72,12 @@ void add_export(CLI::App& program) {
         ->check(CLI::IsMember({"image", "uncertainty"}))
         ->capture_default_str();
     command->add_flag("--ascii", arguments->ascii, "PLY as text; default: binary");
-    command->add_option("-o,--output", arguments->output, "File to write")->required();
+    command
+        ->add_option("-o,--output", arguments->output, "File to write; for asl the folder of mav0/")
+        ->required();
+    add_calibration_option(*command, arguments->asl.recording.calibration_files, "asl: ");
+    command->add_option("--truth", arguments->asl.truth_file,
+                        "asl: true trajectory; default: NAME.truth.tum beside the rawlog");
     command->callback([arguments] { run(*arguments); });
 }
 

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/progress.h"
 #include "libvio/base/errors.h"
@@ -93,8 +94,7 @@ void add_info(CLI::App& program) {
         program.add_subcommand("info", "Streams, rates, gaps and calibration of a rawlog");
     auto arguments = std::make_shared<Arguments>();
     command->add_option("RAWLOG", arguments->rawlog, "MRPT rawlog")->required();
-    command->add_option("--calibration", arguments->recording.calibration_file,
-                        "Calibration that overrides the rawlog's (share/formats.md)");
+    add_calibration_option(*command, arguments->recording.calibration_files);
     command->add_option("--camera-label", arguments->recording.camera_label,
                         "Camera to use; default: the first in the rawlog");
     command->add_option("--imu-label", arguments->recording.imu_label,

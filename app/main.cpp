@@ -4,6 +4,8 @@
 #include <string>
 
 #include "app/commands.h"
+#include "app/manual.h"
+#include "app/version.h"
 #include "libvio/base/errors.h"
 
 namespace {
@@ -22,6 +24,21 @@ int main(int argc, char** argv) {
         "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
     program.name("vio-slam");
     program.set_version_flag("--version", "vio-slam " VIO_VERSION);
+    // For packaging: outside every group, so that --help does not show them.
+    program
+        .add_flag_callback("--print-man-page",
+                           [&] {
+                               std::cout << vio::app::manual_page(program, VIO_VERSION, VIO_DATE);
+                               throw CLI::Success();
+                           })
+        ->group("");
+    program
+        .add_flag_callback("--print-bash-completion",
+                           [&] {
+                               std::cout << vio::app::bash_completion(program);
+                               throw CLI::Success();
+                           })
+        ->group("");
     program.require_subcommand(0, 1);
     vio::app::add_run(program);
     vio::app::add_import(program);

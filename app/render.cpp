@@ -5,6 +5,7 @@
 #include <memory>
 #include <numbers>
 
+#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/picture.h"
 #include "app/progress.h"
@@ -155,8 +156,8 @@ void add_render(CLI::App& program) {
         ->check(CLI::NonNegativeNumber);
     command->add_option("--to", arguments->tracks.end_s, "Leave out images after [s]")
         ->check(CLI::PositiveNumber);
-    command->add_option("--calibration", arguments->tracks.recording.calibration_file,
-                        "Calibration that overrides the rawlog's, for its feature tracks");
+    add_calibration_option(*command, arguments->tracks.recording.calibration_files,
+                           "For a rawlog's feature tracks: ");
     command->callback([arguments] { run(*arguments); });
 }
 

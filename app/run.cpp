@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/pipeline.h"
 #include "libvio/io/mapping_application.h"
@@ -157,8 +158,7 @@ void add_run(CLI::App& program) {
                      "One option as section.name=value; may be repeated")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-    command->add_option("--calibration", request.recording.calibration_file,
-                        "Calibration that overrides the rawlog's (share/formats.md)");
+    add_calibration_option(*command, request.recording.calibration_files);
     command->add_option("--camera-label", request.recording.camera_label,
                         "Camera to use; default: the first in the rawlog");
     command->add_option("--imu-label", request.recording.imu_label,

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/pipeline.h"
 #include "app/progress.h"
@@ -134,8 +135,7 @@ void add_track(CLI::App& program) {
                      "One option as tracker.key=value; may be repeated")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-    command->add_option("--calibration", arguments->recording.calibration_file,
-                        "Calibration that overrides the rawlog's");
+    add_calibration_option(*command, arguments->recording.calibration_files);
     command->add_option("--camera-label", arguments->recording.camera_label,
                         "Sensor label of the camera (default: the first in the file)");
     command->add_option("--imu-label", arguments->recording.imu_label,

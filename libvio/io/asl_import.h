@@ -1,10 +1,10 @@
-// Import of EuRoC/ASL data sets.
+// Import of EuRoC/ASL and TUM-VI data sets.
 #pragma once
 
 #include <functional>
 #include <string>
 
-#include "libvio/base/types.h"
+#include "libvio/io/measurement_source.h"
 
 namespace vio {
 
@@ -12,13 +12,6 @@ struct AslImportOptions {
     std::string camera = "cam0";   ///< camera folder; becomes the sensor label
     std::string imu = "imu0";      ///< IMU folder; becomes the sensor label
     bool external_images = false;  ///< PNG files beside the rawlog, else embedded
-};
-
-/// What was imported.
-struct AslImportReport {
-    int images = 0, feature_frames = 0, imu_readings = 0, truth_poses = 0;
-    TimeNs first = 0, last = 0;  ///< stamps of the first and last measurement
-    std::string truth_file;      ///< X.truth.tum, empty if there was no ground truth
 };
 
 /// Converts a data set in ASL layout to a rawlog. `dir` contains mav0/ or is it:
@@ -32,7 +25,16 @@ struct AslImportReport {
 /// comments. `progress` receives the share done, 0 to 1.
 /// Throws InputError naming file and line for missing files, malformed rows, unknown models and
 /// stamps that do not increase; no rawlog is left then.
-AslImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
+ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
+                        const AslImportOptions& options = {},
+                        const std::function<void(double)>& progress = {});
+
+/// The same for a TUM-VI data set as exported in EuRoC/DSO format: `dir` contains mav0/ with cam0,
+/// imu0 and mocap0 without sensor.yaml, and the calibration in Kalibr's form:
+/// - dso/camchain.yaml: intrinsics of each camera, equidistant (Kannala-Brandt), and T_cam_imu;
+/// - dso/imu_config.yaml: noise densities.
+/// B is the IMU, whose pose mocap0 gives. The 16-bit images are taken as 8-bit grey.
+ImportReport import_tum_vi(const std::string& dir, const std::string& out_rawlog,
                            const AslImportOptions& options = {},
                            const std::function<void(double)>& progress = {});
 

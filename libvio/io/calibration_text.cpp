@@ -28,17 +28,20 @@ std::string inverse_comment(const char* meaning, const char* inverse, const Pose
            pose_text(T.inverse());
 }
 
-std::string imu_section(const Rig& rig, bool with_pose) {
-    const ImuNoise& n = rig.imu_noise;
-    std::string text = "[imu]\n";
+void put_noise(std::string& text, const ImuNoise& n) {
     put(text, "white noise [rad/s/sqrt(Hz)]", "gyro_noise_density", format(n.gyro_noise_density));
     put(text, "white noise [m/s^2/sqrt(Hz)]", "accel_noise_density", format(n.accel_noise_density));
     put(text, "random walk of the bias [rad/s^2/sqrt(Hz)]", "gyro_bias_random_walk",
         format(n.gyro_bias_random_walk));
     put(text, "random walk of the bias [m/s^3/sqrt(Hz)]", "accel_bias_random_walk",
         format(n.accel_bias_random_walk));
+}
+
+std::string imu_section(const Rig& rig, bool with_pose) {
+    std::string text = "[imu]\n";
+    put_noise(text, rig.imu_noise);
     put(text, "gyro errors that follow the motion (scale, alignment), share of the rate [-]",
-        "gyro_sensitivity_error", format(n.gyro_sensitivity_error));
+        "gyro_sensitivity_error", format(rig.imu_noise.gyro_sensitivity_error));
     put(text, "t_imu = t_cam + time_offset [s]", "time_offset_s", format(rig.time_offset));
     if (with_pose)
         put(text, inverse_comment("IMU in the vehicle frame", "T_I_B", rig.T_B_I).c_str(), "T_B_I",
@@ -121,6 +124,12 @@ std::string camera_summary(const Camera& camera) {
 std::string sidecar_text(const Rig& rig, bool with_camera) {
     return "# Calibration that a rawlog has no field for; read together with the rawlog.\n" +
            (with_camera ? camera_section(rig, false) + "\n" : "") + imu_section(rig, false);
+}
+
+std::string noise_text(const ImuNoise& noise) {
+    std::string text = "[imu]\n";
+    put_noise(text, noise);
+    return text;
 }
 
 std::string calibration_text(const Rig& rig) {

@@ -95,8 +95,8 @@ struct Recording::Impl {
           objects(file_name) {
         const std::string sidecar = calibration_sidecar(file);
         if (fs::exists(sidecar)) load_calibration(sidecar, sensors.rig);
-        if (!options.calibration_file.empty())
-            load_calibration(options.calibration_file, sensors.rig);
+        for (const std::string& given : options.calibration_files)
+            load_calibration(given, sensors.rig);
         if (!sensors.rig.camera && !sensors.camera_elsewhere.empty())
             throw InputError(file + ": its camera is of the model " + sensors.camera_elsewhere +
                              ", which a rawlog cannot hold, and " + sidecar +

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "libvio/base/types.h"
 #include "libvio/camera/rig.h"
@@ -36,9 +37,9 @@ using Message = std::variant<ImuReading, ImageMessage, FeatureFrame, OdometryMes
 struct RecordingOptions {
     std::string camera_label;  ///< empty: the first camera in the file
     std::string imu_label;     ///< empty: the first IMU in the file
-    /// Calibration that overrides the sidecar's and the rawlog's, key by key; format in
-    /// share/formats.md. Empty: none.
-    std::string calibration_file;
+    /// Calibrations that override the sidecar's and the rawlog's, key by key, each those before it;
+    /// format in share/formats.md.
+    std::vector<std::string> calibration_files;
 };
 
 /// Streams a rawlog in bounded memory. Sensors with other labels than the chosen ones, and other
@@ -52,7 +53,7 @@ class Recording {
 
     /// Calibration that the rawlog carries, overridden by the sidecar NAME.calibration.ini beside
     /// NAME.rawlog where there is one (noise densities have no field in a rawlog), and by
-    /// RecordingOptions::calibration_file. camera is null if there are no images and no features,
+    /// RecordingOptions::calibration_files. camera is null if there are no images and no features,
     /// or no calibration.
     const Rig& rig() const;
     bool has_imu() const;

@@ -190,8 +190,4 @@ TimeNs TextRows::seconds(size_t field) const {
     return *value;
 }
 
-InputError TextRows::error(const std::string& problem) const {
-    return InputError(file() + " (line " + std::to_string(line_number_) + "): " + problem);
-}
-
 }  // namespace vio

@@ -59,8 +59,12 @@ class TextRows {
     std::int64_t integer(size_t field) const;  ///< throws InputError if it is none
     TimeNs seconds(size_t field) const;        ///< throws InputError if it is none
 
+    /// "FILE (line N)".
+    std::string place() const { return file() + " (line " + std::to_string(line_number_) + ")"; }
     /// "FILE (line N): problem".
-    InputError error(const std::string& problem) const;
+    InputError error(const std::string& problem) const {
+        return InputError(place() + ": " + problem);
+    }
     double progress() const { return input_.progress(); }
     const std::string& file() const { return input_.file(); }
 

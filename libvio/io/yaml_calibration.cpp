@@ -32,7 +32,7 @@ class Yaml {
 
     bool has(const std::string& key) const { return root_[key].IsDefined(); }
     Yaml part(const std::string& key) const {
-        if (!root_[key].IsMap()) throw error(key, "holds no keys");
+        if (!has(key) || !root_[key].IsMap()) throw error(key, "is missing or holds no keys");
         return Yaml(place_ + " " + key, root_[key]);
     }
 
@@ -60,6 +60,10 @@ class Yaml {
     // ASL's T_BS, 16 numbers row by row.
     Pose T_BS() const {
         return rigid("T_BS", convert<std::vector<double>>("T_BS data", root_["T_BS"]["data"]));
+    }
+
+    double time_shift(double otherwise) const {
+        return has("timeshift_cam_imu") ? get<double>("timeshift_cam_imu") : otherwise;
     }
 
     // Kalibr's four rows.
@@ -150,18 +154,23 @@ CameraPtr read_camera(const Yaml& yaml, const std::string& coefficients) {
     }
 }
 
+// Not one of ASL's keys: written by this project's export.
+constexpr const char* kGyroSensitivityKey = "gyroscope_sensitivity_error";
+
 void read_noise(const Yaml& yaml, ImuNoise& noise) {
     noise.gyro_noise_density = yaml.positive("gyroscope_noise_density");
     noise.gyro_bias_random_walk = yaml.positive("gyroscope_random_walk");
     noise.accel_noise_density = yaml.positive("accelerometer_noise_density");
     noise.accel_bias_random_walk = yaml.positive("accelerometer_random_walk");
+    if (yaml.has(kGyroSensitivityKey))
+        noise.gyro_sensitivity_error = yaml.get<double>(kGyroSensitivityKey);
 }
 
 }  // namespace
 
 AslCamera read_asl_camera(const std::string& sensor_yaml) {
     const Yaml yaml(sensor_yaml);
-    return {read_camera(yaml, "distortion_coefficients"), yaml.T_BS()};
+    return {read_camera(yaml, "distortion_coefficients"), yaml.T_BS(), yaml.time_shift(0)};
 }
 
 AslImu read_asl_imu(const std::string& sensor_yaml) {
@@ -176,18 +185,18 @@ Pose read_asl_extrinsics(const std::string& sensor_yaml) {
     return Yaml(sensor_yaml).T_BS();
 }
 
-void load_yaml_calibration(const std::string& file, Rig& rig) {
+void load_yaml_calibration(const std::string& file, Rig& rig, const std::string& camera) {
     const Yaml yaml(file);
     if (yaml.has("cam0")) {
-        const Yaml camera = yaml.part("cam0");
-        rig.camera = read_camera(camera, "distortion_coeffs");
-        if (camera.has("T_cam_imu")) rig.T_B_C = rig.T_B_I * camera.rows("T_cam_imu").inverse();
-        if (camera.has("timeshift_cam_imu"))
-            rig.time_offset = camera.get<double>("timeshift_cam_imu");
+        const Yaml part = yaml.part(camera);
+        rig.camera = read_camera(part, "distortion_coeffs");
+        if (part.has("T_cam_imu")) rig.T_B_C = rig.T_B_I * part.rows("T_cam_imu").inverse();
+        rig.time_offset = part.time_shift(rig.time_offset);
     } else if (yaml.has("camera_model")) {
-        const AslCamera camera = read_asl_camera(file);
-        rig.camera = camera.camera;
-        rig.T_B_C = camera.T_B_C;
+        const AslCamera single = read_asl_camera(file);
+        rig.camera = single.camera;
+        rig.T_B_C = single.T_B_C;
+        rig.time_offset = yaml.time_shift(rig.time_offset);
     } else if (yaml.has("imu0")) {
         read_noise(yaml.part("imu0"), rig.imu_noise);
     } else if (yaml.has("gyroscope_noise_density")) {

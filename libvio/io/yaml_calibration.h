@@ -10,6 +10,7 @@ namespace vio {
 struct AslCamera {
     CameraPtr camera;
     Pose T_B_C;
+    double time_offset = 0;  ///< timeshift_cam_imu where the file has it [s]
 };
 
 struct AslImu {
@@ -25,7 +26,8 @@ AslImu read_asl_imu(const std::string& sensor_yaml);
 /// T_BS alone.
 Pose read_asl_extrinsics(const std::string& sensor_yaml);
 
-/// Overrides the rig with what a file of any of these kinds gives; see load_calibration.
-void load_yaml_calibration(const std::string& file, Rig& rig);
+/// Overrides the rig with what a file of any of these kinds gives; see load_calibration. `camera`:
+/// which of a camchain's cameras.
+void load_yaml_calibration(const std::string& file, Rig& rig, const std::string& camera = "cam0");
 
 }  // namespace vio

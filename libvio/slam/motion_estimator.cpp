@@ -82,8 +82,8 @@ struct MotionEstimator::Impl {
 };
 
 void MotionEstimator::Impl::begin() {
-    if (!settings.recording.calibration_file.empty())
-        load_calibration(settings.recording.calibration_file, sensors.rig);
+    for (const std::string& given : settings.recording.calibration_files)
+        load_calibration(given, sensors.rig);
     if (!sensors.rig.camera)
         throw InputError("camera '" + sensors.camera_label +
                          "' is not calibrated; give a calibration file");
@@ -165,7 +165,7 @@ void MotionEstimator::set_option(const std::string& assignment) {
 void MotionEstimator::set_calibration(const std::string& file) {
     Rig checked;
     load_calibration(file, checked);
-    impl_->settings.recording.calibration_file = file;
+    impl_->settings.recording.calibration_files = {file};
 }
 
 void MotionEstimator::set_labels(const std::string& camera, const std::string& imu) {

@@ -91,7 +91,7 @@ class MiniDataSet : public ::testing::Test {
 
     std::string mav0(const std::string& name) const { return folder_ / ("mav0/" + name); }
     std::string out() const { return folder_ / "out.rawlog"; }
-    AslImportReport run() const { return import_asl(folder_.path().string(), out()); }
+    ImportReport run() const { return import_asl(folder_.path().string(), out()); }
     std::string error() const {
         return error_of([&] { run(); });
     }

@@ -237,7 +237,7 @@ TEST(Rawlog, CalibrationFileOverridesKeyByKey) {
                "[camera]\nfx = 50.5\ndistortion = 0.1 0.2 0.3 0.4\nT_B_C = 1 2 3 0 0 0 1\n"
                "[imu]\naccel_noise_density = 0.5\n");
     RecordingOptions options;
-    options.calibration_file = folder / "c.ini";
+    options.calibration_files = {folder / "c.ini"};
     const Recording recording(folder / "a.rawlog", options);
     const Rig& rig = recording.rig();
     const auto& p = std::dynamic_pointer_cast<const PerspectiveCamera>(rig.camera)->parameters();
@@ -257,7 +257,7 @@ TEST(Rawlog, DocumentedCalibrationIsTaken) {
     const auto begin = page.find("```ini\n") + 7, end = page.find("```", begin);
     write_text(folder / "c.ini", page.substr(begin, end - begin));
     RecordingOptions options;
-    options.calibration_file = folder / "c.ini";
+    options.calibration_files = {folder / "c.ini"};
     const Recording recording(folder / "a.rawlog", options);
     ASSERT_TRUE(recording.rig().camera);
     const auto& p = dynamic_cast<const PerspectiveCamera&>(*recording.rig().camera).parameters();
@@ -273,7 +273,7 @@ TEST(Rawlog, BadCalibrationFilesAreRefused) {
     const auto error = [&](const std::string& text) {
         write_text(folder / "c.ini", text);
         RecordingOptions options;
-        options.calibration_file = folder / "c.ini";
+        options.calibration_files = {folder / "c.ini"};
         return error_of([&] { Recording recording(folder / "a.rawlog", options); });
     };
     EXPECT_NE(error("[camera]\nfx = 12abc\n").find("[camera] fx: '12abc'"), std::string::npos);

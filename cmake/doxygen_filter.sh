@@ -1,0 +1,5 @@
+#!/bin/sh
+# A header for Doxygen: its first comment becomes the documentation of the file.
+awk 'NR == 1 && /^\/\// { print "/// \\file"; head = 1 }
+     head && /^\/\// { sub(/^\/\/+/, "///"); print; next }
+     { head = 0; print }' "$1"

@@ -1,0 +1,88 @@
+#include "libvio/io/measurement_source.h"
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+
+#include "libvio/io/trajectory_io.h"
+
+namespace vio {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ImageFileSource final : public MeasurementSource {
+ public:
+    explicit ImageFileSource(std::vector<ImageFile> files) : files_(std::move(files)) {}
+
+    bool advance() override {
+        if (next_ == files_.size()) return false;
+        set_time(files_[next_].t, files_[next_]);
+        ++next_;
+        return true;
+    }
+
+    Message message() override {
+        const ImageFile& file = files_[next_ - 1];
+        const cv::Mat image = fs::is_regular_file(file.path)
+                                  ? cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE)
+                                  : cv::Mat();
+        if (image.empty())
+            throw file.error("image " + file.path.string() + " is missing or damaged");
+        return ImageMessage{time(), image};
+    }
+
+    double progress() const override {
+        return static_cast<double>(next_) / static_cast<double>(files_.size());
+    }
+
+ private:
+    std::vector<ImageFile> files_;
+    size_t next_ = 0;
+};
+
+void count(const Message& message, ImportReport& report) {
+    report.imu_readings += std::holds_alternative<ImuReading>(message);
+    report.images += std::holds_alternative<ImageMessage>(message);
+    report.feature_frames += std::holds_alternative<FeatureFrame>(message);
+    report.gps_fixes += std::holds_alternative<GpsMessage>(message);
+}
+
+}  // namespace
+
+std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files) {
+    return std::make_unique<ImageFileSource>(std::move(files));
+}
+
+void merge_sources(MeasurementSources sources, RawlogWriter& writer, ImportReport& report,
+                   const std::function<void(double)>& progress) {
+    const auto drop = [&](MeasurementSources::iterator source) {
+        report.left_out += (*source)->left_out();
+        return sources.erase(source);
+    };
+    for (auto source = sources.begin(); source != sources.end();)
+        source = (*source)->advance() ? source + 1 : drop(source);
+    if (sources.empty()) throw InputError("no measurements");
+    bool first = true;
+    while (!sources.empty()) {
+        const auto earliest = std::min_element(
+            sources.begin(), sources.end(), [](auto& a, auto& b) { return a->time() < b->time(); });
+        MeasurementSource& source = **earliest;
+        const Message message = source.message();
+        writer.write(message);
+        count(message, report);
+        if (first) report.first = source.time();
+        first = false;
+        report.last = source.time();
+        if (progress) progress(source.progress());
+        if (!source.advance()) drop(earliest);
+    }
+}
+
+void write_truth(const std::string& rawlog_file, const std::vector<TimedPose>& poses,
+                 ImportReport& report) {
+    report.truth_file = fs::path(rawlog_file).replace_extension(".truth.tum").string();
+    report.truth_poses = static_cast<int>(poses.size());
+    write_tum(report.truth_file, poses, "T_W_B, ground truth");
+}
+
+}  // namespace vio
