@@ -140,6 +140,9 @@ echo "Eight simulated hours, the rover to and fro (legend: tests/tools/long_run.
 taskset -c 0 build/release/tests/vio_long_run datasets/rover_sparse.ini 8 |
     awk 'NR == 1 || /x real/ || (/^ *[0-9]/ && ++n % 8 == 1)'
 
+echo
+tests/figures_sensors.sh
+
 # The paper's tables and figures: many minutes, so only if asked for.
 if [[ ${VIO_PAPER:-} ]]; then
     echo

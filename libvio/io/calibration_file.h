@@ -20,8 +20,8 @@ void load_calibration(const std::string& file, Rig& rig);
 /// Text of a calibration file with the whole rig, T_B_C and T_B_I with their inverses as comments.
 std::string calibration_text(const Rig& rig);
 
-/// Text of a calibration file with the IMU's noise densities and random walks alone: what a recording
-/// at rest tells.
+/// Text of a calibration file with the IMU's noise densities and random walks alone: what a
+/// recording at rest tells.
 std::string noise_text(const ImuNoise& noise);
 
 /// The intrinsics alone, as "key = value" in one line.
