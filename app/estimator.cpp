@@ -5,23 +5,11 @@
 #include <sstream>
 #include <utility>
 
+#include "libvio/io/board_file.h"
 #include "libvio/io/results.h"
-#include "libvio/io/text.h"
 
 namespace vio::app {
 namespace {
-
-// Rows feature_id,x,y,z, taken as exactly known.
-std::map<FeatureId, Fiducial> read_fiducials(const std::string& file) {
-    std::map<FeatureId, Fiducial> fiducials;
-    TextRows rows(file);
-    while (rows.next()) {
-        rows.require(4);
-        fiducials[rows.integer(0)].p_W = {rows.number(1), rows.number(2), rows.number(3)};
-    }
-    if (fiducials.empty()) throw InputError(file + ": no rows; expected feature_id,x,y,z");
-    return fiducials;
-}
 
 // Collects everything; the estimate is made in finish().
 class Batch final : public Estimator {

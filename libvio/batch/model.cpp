@@ -54,8 +54,12 @@ ImuNoise with_gap(ImuNoise noise, const ReadingChange& change, double gap) {
     return noise;
 }
 
-void index_inertial(Model& model, const BatchProblem& problem) {
-    const TimeNs offset = from_seconds(problem.rig.time_offset);
+void index_inertial(Model& model, const BatchProblem& problem, double time_offset) {
+    const TimeNs offset = from_seconds(time_offset);
+    model.segments.clear();
+    model.interval_noise.clear();
+    model.gyro_at_image.clear();
+    model.accel_at_image.clear();
     const ReadingChange change = reading_change(problem.imu.readings());
     for (int i = 0; i < model.frames(); ++i) {
         const TimeNs t = model.times[i] + offset;
@@ -64,6 +68,7 @@ void index_inertial(Model& model, const BatchProblem& problem) {
             throw InputError("image " + at_time(model.times[i]) +
                              ": no IMU readings at its time; cut the images to the IMU's span");
         model.gyro_at_image.push_back(reading->gyro);
+        model.accel_at_image.push_back(reading->accel);
         if (i == 0) continue;
         const TimeNs before = model.times[i - 1] + offset;
         model.segments.push_back(*problem.imu.segments(before, t));
@@ -103,13 +108,6 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
         throw InputError("batch estimator: " + std::to_string(frame_count) +
                          " image(s) with features; at least 2 are needed");
     Model model;
-    model.camera = problem.rig.camera;
-    model.inertial = !problem.imu.empty();
-    // Image-only estimates the body itself: there is no IMU to stand for it.
-    model.T_I_B = model.inertial ? problem.rig.T_B_I.inverse() : Pose{};
-    model.T_I_C = model.T_I_B * problem.rig.T_B_C;
-    model.noise = problem.rig.imu_noise;
-
     struct Seen {
         int frame_idx;
         const FeatureObservation* observation;
@@ -122,7 +120,7 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
         model.times.push_back(frame.t);
         for (const FeatureObservation& f : frame.features) seen[f.feature_id].push_back({i, &f});
     }
-    if (model.inertial) index_inertial(model, problem);
+    set_rig(model, problem, problem.rig);
 
     for (const auto& [id, sightings] : seen) {
         const auto fiducial = problem.fiducials.find(id);
@@ -148,6 +146,16 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
                          std::to_string(min_observations) +
                          " images; check tracking or the feature ids");
     return model;
+}
+
+void set_rig(Model& model, const BatchProblem& problem, const Rig& rig) {
+    model.camera = rig.camera;
+    model.inertial = !problem.imu.empty();
+    // Image-only estimates the body itself: there is no IMU to stand for it.
+    model.T_I_B = model.inertial ? rig.T_B_I.inverse() : Pose{};
+    model.T_I_C = model.T_I_B * rig.T_B_C;
+    model.noise = rig.imu_noise;
+    if (model.inertial) index_inertial(model, problem, rig.time_offset);
 }
 
 std::vector<int> Layout::block_dims() const {

@@ -32,6 +32,7 @@ struct Model {
     std::vector<std::vector<ImuSegment>> segments;  ///< [i]: readings from image i to i + 1
     std::vector<ImuNoise> interval_noise;           ///< [i]: theirs, gaps between readings included
     std::vector<Eigen::Vector3d> gyro_at_image;     ///< measured [rad/s]
+    std::vector<Eigen::Vector3d> accel_at_image;    ///< measured [m/s^2]
     std::vector<Point> points;
     std::vector<Observation> observations;
 
@@ -47,6 +48,9 @@ BatchProblem without_unseeing_images(const BatchProblem& problem);
 /// (fiducials are always kept). Throws InputError as estimate_batch() does.
 Model make_model(const BatchProblem& problem, const BatchOptions& options, int frame_count,
                  int min_observations = 3);
+
+/// Gives the model another rig than it was made with; what was observed stays.
+void set_rig(Model& model, const BatchProblem& problem, const Rig& rig);
 
 /// The unknowns.
 struct State {

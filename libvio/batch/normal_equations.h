@@ -19,6 +19,15 @@ struct Step {
     std::vector<Eigen::Vector3d> points;  ///< every point, border ones included
 };
 
+/// Columns of the normal equations of further unknowns that may couple with all others; see
+/// Objective::linearize_rig().
+struct Border {
+    Eigen::MatrixXd reduced;  ///< rows as `gradient`, without what comes by the points
+    Eigen::MatrixXd points;   ///< three rows for each point
+    Eigen::MatrixXd H;        ///< of these unknowns themselves
+    Eigen::VectorXd gradient;
+};
+
 class NormalEquations {
  public:
     NormalEquations(const Model& model, const Layout& layout, int threads = 1);
@@ -48,6 +57,11 @@ class NormalEquations {
     /// Cost decrease that the linear model promises for a step of the last solve().
     double predicted_decrease(const Step& step) const;
 
+    /// The same with further unknowns, damped alike.
+    bool solve(double lambda, const Border& border, Step& step, Eigen::VectorXd& border_step);
+    /// Information of the border's unknowns, all others eliminated; at the last factorize().
+    Eigen::MatrixXd information(const Border& border) const;
+
     /// Factorisation of the reduced system, for covariances. Damped: see solve().
     bool factorize(double lambda = 0);
     const BlockCholesky& factor() const { return factor_; }
@@ -58,6 +72,7 @@ class NormalEquations {
 
  private:
     bool eliminate(double lambda);
+    Eigen::MatrixXd reduced(const Border& border) const;
     double damping(double diagonal) const;
     Eigen::Matrix3d point_damping_matrix(int point_idx) const;
 

@@ -24,6 +24,15 @@ struct Stage {
     bool truncated = false;
 };
 
+/// Parts of the rig that are unknown too, in this order: T_I_C (6, in the pose's tangent order),
+/// the time offset (1), intrinsics (see camera/intrinsics.h).
+struct RigUnknowns {
+    bool extrinsics = false, time_offset = false;
+    int intrinsics = 0;  ///< how many
+
+    int count() const { return (extrinsics ? 6 : 0) + (time_offset ? 1 : 0) + intrinsics; }
+};
+
 /// (gyro, accel).
 inline Vector6d bias_vector(const ImuBias& bias) {
     Vector6d v;
@@ -48,6 +57,11 @@ class Objective {
     /// Integrates the readings anew where the state's biases have moved away from those of the last
     /// integration, fills the normal equations (IRLS weights for robust losses), returns the cost.
     Cost linearize(const State& state, NormalEquations& equations);
+
+    /// The border of the normal equations for unknowns of the rig, at the state of the last
+    /// linearisation.
+    Border linearize_rig(const State& state, const RigUnknowns& unknowns,
+                         const NormalEquations& equations) const;
 
     /// next = state [+] step. Points move as seen from the first camera that saw them, which their
     /// images constrain: linearly in the direction and in the inverse range (Civera et al. 2008),
@@ -106,6 +120,10 @@ class Objective {
                               Eigen::Matrix<double, 9, 1>& global_g) const;
     double linearize_bias(const State& state, NormalEquations& equations) const;
     double linearize_priors(const State& state, NormalEquations& equations) const;
+    void add_rig_image(const State& state, const RigUnknowns& unknowns,
+                       const NormalEquations& equations, Border& border) const;
+    void add_time_offset(const State& state, int column, const NormalEquations& equations,
+                         Border& border) const;
     void hold_scale(const State& state, NormalEquations& equations) const;
     double prior_weight() const;
     Vector6d bias_walk_information(int i) const;

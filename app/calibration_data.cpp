@@ -1,0 +1,120 @@
+#include "app/calibration_data.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+
+#include "app/progress.h"
+#include "libvio/base/errors.h"
+#include "libvio/calibration/board_detector.h"
+
+namespace vio::app {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Takes images and features in; corners are looked for once the first image asks for it.
+class Collector {
+ public:
+    Collector(BoardViews& views, const Board& board) : views_(views), board_(board) {}
+
+    void add(TimeNs t, const cv::Mat& image, const std::string& name) {
+        if (!detector_) detector_.emplace(board_);
+        if (views_.width > 0 && (image.cols != views_.width || image.rows != views_.height))
+            throw InputError(name + ": is " + std::to_string(image.cols) + " x " +
+                             std::to_string(image.rows) + ", others are " +
+                             std::to_string(views_.width) + " x " + std::to_string(views_.height) +
+                             "; all must come from one camera");
+        views_.width = image.cols;
+        views_.height = image.rows;
+        ++views_.images;
+        if (FeatureFrame frame{t, detector_->detect(image)}; !frame.features.empty())
+            views_.frames.push_back(std::move(frame));
+    }
+
+    void add(const FeatureFrame& frame) {
+        ++views_.images;
+        FeatureFrame known{frame.t, {}};
+        for (const FeatureObservation& f : frame.features)
+            if (board_.points.contains(f.feature_id)) known.features.push_back(f);
+        if (!known.features.empty()) views_.frames.push_back(std::move(known));
+    }
+
+ private:
+    BoardViews& views_;
+    const Board& board_;
+    std::optional<BoardDetector> detector_;
+};
+
+void read_folder(const std::string& folder, Collector& collector) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.is_regular_file() && cv::haveImageReader(entry.path().string()))
+            files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    if (files.empty()) throw InputError(folder + ": holds no images");
+    Progress progress("looking for the board");
+    for (size_t k = 0; k < files.size(); ++k) {
+        const cv::Mat image = cv::imread(files[k].string(), cv::IMREAD_GRAYSCALE);
+        if (image.empty()) throw InputError(files[k].string() + ": cannot be read as an image");
+        collector.add(from_seconds(static_cast<double>(k)), image, files[k].string());
+        progress.update(static_cast<double>(k + 1) / static_cast<double>(files.size()));
+    }
+}
+
+void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collector) {
+    Recording recording(source.path, source.recording);
+    views.rig = recording.rig();
+    if (!recording.has_images() && !recording.has_features())
+        throw InputError(source.path +
+                         ": no images and no features; name the camera with "
+                         "--camera-label");
+    if (recording.rig().camera) {
+        views.width = recording.rig().camera->width();
+        views.height = recording.rig().camera->height();
+    }
+    Progress progress("looking for the board");
+    std::optional<TimeNs> origin;
+    while (const auto message = recording.next()) {
+        const TimeNs t = std::visit([](const auto& m) { return m.t; }, *message);
+        if (!origin) origin = t;
+        const double seconds = to_seconds(t - *origin);
+        if (seconds < source.begin_s || seconds > source.end_s) continue;
+        if (const auto* reading = std::get_if<ImuReading>(&*message)) {
+            if (views.imu.empty() || reading->t > views.imu.readings().back().t)
+                views.imu.push_back(*reading);
+        } else if (const auto* frame = std::get_if<FeatureFrame>(&*message)) {
+            collector.add(*frame);
+        } else if (const auto* image = std::get_if<ImageMessage>(&*message)) {
+            if (!recording.has_features())
+                collector.add(t, image->image,
+                              source.path + " (image t = " + std::to_string(t) + " ns)");
+        }
+        progress.update(recording.progress());
+    }
+    std::sort(views.frames.begin(), views.frames.end(),
+              [](const FeatureFrame& a, const FeatureFrame& b) { return a.t < b.t; });
+    const auto repeated =
+        std::unique(views.frames.begin(), views.frames.end(),
+                    [](const FeatureFrame& a, const FeatureFrame& b) { return a.t == b.t; });
+    views.frames.erase(repeated, views.frames.end());
+}
+
+}  // namespace
+
+BoardViews read_board_views(const BoardSource& source, const Board& board) {
+    BoardViews views;
+    Collector collector(views, board);
+    if (fs::is_directory(source.path))
+        read_folder(source.path, collector);
+    else
+        read_rawlog(source, views, collector);
+    if (views.frames.empty())
+        throw InputError(source.path + ": no corner of the board in any of " +
+                         std::to_string(views.images) +
+                         " images; compare the board's description with the board");
+    return views;
+}
+
+}  // namespace vio::app

@@ -1,0 +1,31 @@
+// What calibrations of cameras start from: corners of a board in images.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "libvio/calibration/board.h"
+#include "libvio/io/recording.h"
+
+namespace vio::app {
+
+struct BoardViews {
+    Rig rig;                           ///< as far as known; no camera from a folder of images
+    int width = 0, height = 0;         ///< of the images [px]; 0: not known
+    std::vector<FeatureFrame> frames;  ///< that show corners of the board, in order of time
+    int images = 0;                    ///< that were looked at
+    ImuSequence imu;                   ///< empty without one
+};
+
+struct BoardSource {
+    std::string path;  ///< rawlog, or folder of images
+    RecordingOptions recording;
+    double begin_s = 0, end_s = 1e18;  ///< part of a rawlog, from its first measurement on
+};
+
+/// From a rawlog's features, whose ids are the corners', or else from images: a rawlog's, or those
+/// of a folder (in order of their names, a second apart). Shows progress on a terminal. Throws
+/// InputError where there are none.
+BoardViews read_board_views(const BoardSource& source, const Board& board);
+
+}  // namespace vio::app

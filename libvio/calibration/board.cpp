@@ -1,0 +1,28 @@
+#include "libvio/calibration/board.h"
+
+namespace vio {
+
+bool Board::has_top() const {
+    return pattern != Pattern::kCheckerboard || (cols + rows) % 2 != 0;
+}
+
+Board make_checkerboard(int cols, int rows, double col_spacing, double row_spacing) {
+    Board board{Board::Pattern::kCheckerboard, cols, rows, {}};
+    for (int r = 0; r < rows; ++r)
+        for (int c = 0; c < cols; ++c)
+            board.points[r * cols + c].p_W = {c * col_spacing, r * row_spacing, 0};
+    return board;
+}
+
+Board make_april_grid(int cols, int rows, double tag_size, double spacing) {
+    Board board{Board::Pattern::kAprilGrid, cols, rows, {}};
+    const auto place = [&](int k) {
+        return tag_size * (k / 2 * (1 + spacing) + k % 2);  // corner k of a row
+    };
+    for (int r = 0; r < 2 * rows; ++r)
+        for (int c = 0; c < 2 * cols; ++c)
+            board.points[r * 2 * cols + c].p_W = {place(c), place(r), 0};
+    return board;
+}
+
+}  // namespace vio

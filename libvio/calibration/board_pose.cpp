@@ -1,0 +1,81 @@
+#include "libvio/calibration/board_pose.h"
+
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <vector>
+
+namespace vio {
+namespace {
+
+constexpr size_t kFewestPoints = 6;
+
+struct Sighting {
+    Eigen::Vector3d p_W;
+    Eigen::Vector2d uv_px;
+};
+
+// Gauss-Newton on the pixel distance; false where a point leaves the image.
+bool refine(const Camera& camera, const std::vector<Sighting>& seen, Pose& T_C_W, double& rms_px) {
+    constexpr int kIterations = 8;
+    for (int i = 0;; ++i) {
+        Matrix6d H = Matrix6d::Zero();
+        Vector6d g = Vector6d::Zero();
+        double sum = 0;
+        for (const Sighting& s : seen) {
+            Matrix23d J_p;
+            const auto uv = camera.project(T_C_W * s.p_W, &J_p);
+            if (!uv) return false;
+            const Eigen::Vector2d r = *uv - s.uv_px;
+            sum += r.squaredNorm();
+            Eigen::Matrix<double, 2, 6> J;
+            J << -J_p * T_C_W.R * so3::skew(s.p_W), J_p;
+            H += J.transpose() * J;
+            g += J.transpose() * r;
+        }
+        rms_px = std::sqrt(sum / (2 * static_cast<double>(seen.size())));
+        if (i == kIterations) return std::isfinite(rms_px);
+        H.diagonal() *= 1 + 1e-6;
+        T_C_W = T_C_W.boxplus(Vector6d(-H.ldlt().solve(g)));
+    }
+}
+
+}  // namespace
+
+std::optional<BoardPose> board_pose(const Camera& camera, const FeatureFrame& frame,
+                                    const std::map<FeatureId, Fiducial>& board) {
+    const double smallest_z = std::cos(80 * std::numbers::pi / 180);
+    std::vector<Sighting> seen;
+    std::vector<cv::Point3d> points;
+    std::vector<cv::Point2d> directions;
+    for (const FeatureObservation& feature : frame.features) {
+        const auto point = board.find(feature.feature_id);
+        if (point == board.end()) continue;
+        const auto ray = camera.ray(feature.uv_px);
+        if (!ray || ray->direction.z() < smallest_z) continue;
+        const Eigen::Vector3d& p = point->second.p_W;
+        seen.push_back({p, feature.uv_px});
+        points.emplace_back(p.x(), p.y(), p.z());
+        directions.emplace_back(ray->direction.x() / ray->direction.z(),
+                                ray->direction.y() / ray->direction.z());
+    }
+    if (seen.size() < kFewestPoints) return std::nullopt;
+    std::vector<cv::Mat> rotations, translations;
+    try {
+        cv::solvePnPGeneric(points, directions, cv::Matx33d::eye(), cv::noArray(), rotations,
+                            translations, false, cv::SOLVEPNP_SQPNP);
+    } catch (const cv::Exception&) {  // points that determine no pose
+        return std::nullopt;
+    }
+    std::optional<BoardPose> best;
+    for (size_t k = 0; k < rotations.size(); ++k) {
+        const cv::Mat &r = rotations[k], &t = translations[k];
+        Pose T_C_W{so3::exp({r.at<double>(0), r.at<double>(1), r.at<double>(2)}),
+                   {t.at<double>(0), t.at<double>(1), t.at<double>(2)}};
+        double rms_px = 0;
+        if (!refine(camera, seen, T_C_W, rms_px) || (best && rms_px >= best->rms_px)) continue;
+        best = BoardPose{T_C_W.inverse(), static_cast<int>(seen.size()), rms_px};
+    }
+    return best;
+}
+
+}  // namespace vio

@@ -1,0 +1,24 @@
+// The camera's pose from one image of points whose places are known.
+#pragma once
+
+#include <map>
+#include <optional>
+
+#include "libvio/batch/batch.h"
+
+namespace vio {
+
+struct BoardPose {
+    Pose T_W_C;
+    int points = 0;
+    double rms_px = 0;  ///< per coordinate
+};
+
+/// By OpenCV's perspective-n-point on the sight lines, for any camera with one viewpoint (of
+/// others, the rays' origins are neglected), then refined in the image. Nothing with fewer than six
+/// points that it can use (at less than 80 degrees from the optical axis), or where no pose is
+/// found.
+std::optional<BoardPose> board_pose(const Camera& camera, const FeatureFrame& frame,
+                                    const std::map<FeatureId, Fiducial>& board);
+
+}  // namespace vio
