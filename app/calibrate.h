@@ -12,7 +12,6 @@ void add_calibrate_mirror(CLI::App& calibrate);
 void add_calibrate_camera(CLI::App& calibrate);
 void add_calibrate_imu(CLI::App& calibrate);
 void add_calibrate_imu_camera(CLI::App& calibrate);
-void add_calibrate_imu_camera(CLI::App& calibrate);
 
 /// One line: name, position, quaternion of a transformation.
 void print_transform(const char* name, const Pose& T);

@@ -87,9 +87,7 @@ void calibrate(Arguments arguments) {
     if (!result.rig.converged)
         throw InputError(arguments.source.path + ": the search has not converged (" +
                          result.rig.reason + "); nothing was written");
-    Rig rig = views.rig;
-    rig.camera = result.rig.rig.camera;
-    write_text(arguments.output, calibration_text(rig));
+    write_text(arguments.output, camera_text(result.rig.rig));
     std::printf("calibration %s\n", arguments.output.c_str());
 }
 
@@ -128,8 +126,6 @@ void add_calibrate_camera(CLI::App& calibrate_command) {
         ->add_option("--sigma-px", arguments->options.sigma_px,
                      "1 sigma of a corner's place in the image; default: from the residuals")
         ->check(CLI::NonNegativeNumber);
-    command->add_option("--calibration", arguments->source.recording.calibration_file,
-                        "What the written file holds beside the camera; default: the rawlog's");
     command->add_option("--camera-label", arguments->source.recording.camera_label,
                         "Camera; default: the first");
     command->callback([arguments] { calibrate(*arguments); });

@@ -33,6 +33,10 @@ int window_for(double square_px) {
 
 #ifdef VIO_HAVE_APRILTAG
 
+bool BoardDetector::knows_april_grids() {
+    return true;
+}
+
 // The detector with the family at both widths of its border. AprilTag's codes are for a border of
 // one bit; one of two moves each bit by one.
 struct BoardDetector::Tags {
@@ -99,6 +103,10 @@ std::vector<FeatureObservation> BoardDetector::detect_tags(const cv::Mat& image)
 }
 
 #else
+
+bool BoardDetector::knows_april_grids() {
+    return false;
+}
 
 struct BoardDetector::Tags {
     Tags() {

@@ -14,6 +14,9 @@ namespace vio {
 /// number is numbered the same from all sides, of others two numberings look alike.
 class BoardDetector {
  public:
+    /// Whether the library was built with AprilTag.
+    static bool knows_april_grids();
+
     /// Throws InputError for a board without a pattern, or an AprilGrid where the library was built
     /// without AprilTag.
     explicit BoardDetector(const Board& board);

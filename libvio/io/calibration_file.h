@@ -24,6 +24,9 @@ std::string calibration_text(const Rig& rig);
 /// recording at rest tells.
 std::string noise_text(const ImuNoise& noise);
 
+/// Text of a calibration file with the camera's intrinsics alone.
+std::string camera_text(const Rig& rig);
+
 /// The intrinsics alone, as "key = value" in one line.
 std::string camera_summary(const Camera& camera);
 

@@ -132,6 +132,10 @@ std::string noise_text(const ImuNoise& noise) {
     return text;
 }
 
+std::string camera_text(const Rig& rig) {
+    return "# Intrinsics of a camera\n" + camera_section(rig, false);
+}
+
 std::string calibration_text(const Rig& rig) {
     return "# Calibration of camera and IMU\n" + camera_section(rig, true) + "\n" +
            imu_section(rig, true);

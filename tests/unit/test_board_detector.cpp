@@ -1,0 +1,106 @@
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "libvio/calibration/board_detector.h"
+#include "libvio/camera/perspective.h"
+#include "tests/board_images.h"
+#include "tests/unit/scratch_folder.h"
+
+namespace vio {
+namespace {
+
+PerspectiveCamera test_camera() {
+    return PerspectiveCamera({640, 480, 420, 421, 322, 238, {-0.28, 0.07, 2e-4, -1e-4}});
+}
+
+struct Found {
+    int visible = 0, found = 0, wrong = 0;
+    double sum2 = 0;
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+
+    double rms() const { return std::sqrt(sum2 / (2 * found)); }
+};
+
+// Corners against their true places. Visible: with ten pixels to the image's border.
+Found compare(const std::vector<FeatureObservation>& seen, const Board& board, const Camera& camera,
+              const Pose& T_G_C) {
+    Found result;
+    std::map<FeatureId, Eigen::Vector2d> truth;
+    for (const auto& [id, point] : board.points)
+        if (const auto uv = camera.project(T_G_C.inverse() * point.p_W)) {
+            truth[id] = *uv;
+            result.visible += camera.inside_image(*uv, 10);
+        }
+    for (const FeatureObservation& f : seen) {
+        if (!truth.contains(f.feature_id) || (truth[f.feature_id] - f.uv_px).norm() > 1) {
+            ++result.wrong;
+            continue;
+        }
+        const Eigen::Vector2d error = f.uv_px - truth[f.feature_id];
+        ++result.found;
+        result.sum += error;
+        result.sum2 += error.squaredNorm();
+    }
+    return result;
+}
+
+Found over_poses(const test::Pattern& pattern, const Board& board, const std::vector<Pose>& poses) {
+    const auto camera = test_camera();
+    const test::BoardRenderer renderer(camera, pattern);
+    const BoardDetector detector(board);
+    Found all;
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+        const Found one =
+            compare(detector.detect(renderer.image(poses[k], k + 1)), board, camera, poses[k]);
+        all.visible += one.visible;
+        all.found += one.found;
+        all.wrong += one.wrong;
+        all.sum += one.sum;
+        all.sum2 += one.sum2;
+    }
+    std::printf("%d visible, %d found, %d wrong, rms %.3f px, bias %.3f %.3f px\n", all.visible,
+                all.found, all.wrong, all.rms(), all.sum.x() / all.found, all.sum.y() / all.found);
+    return all;
+}
+
+TEST(BoardDetector, AprilGridCornersAreFoundToATenthOfAPixelAndRightlyNumbered) {
+    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    const test::AprilGridPattern pattern;
+    const Board board =
+        make_april_grid(pattern.cols, pattern.rows, pattern.tag_size, pattern.spacing);
+    const Found all =
+        over_poses(pattern, board, test::poses_before(0.55, 0.44, true, 12, 0.4, 1, 3));
+    EXPECT_EQ(all.wrong, 0);
+    EXPECT_GT(all.found, 0.85 * all.visible);  // whole tags only
+    EXPECT_LT(all.rms(), 0.1);
+    EXPECT_LT(all.sum.norm() / all.found, 0.02);
+}
+
+TEST(BoardDetector, CheckerboardIsNumberedTheSameFromAllSides) {
+    const test::CheckerboardPattern pattern;
+    const Board board =
+        make_checkerboard(pattern.cols, pattern.rows, pattern.spacing, pattern.spacing);
+    std::vector<Pose> poses;
+    for (int k = 0; k < 8; ++k) {  // turned about the optical axis by 45 degrees each
+        const Eigen::Matrix3d R = so3::exp({0.2, -0.3, 0}) * so3::exp({0, 0, k * 0.785});
+        poses.push_back({R, Eigen::Vector3d(0.21, 0.12, 0) - R * Eigen::Vector3d(0, 0, 0.6)});
+    }
+    const Found all = over_poses(pattern, board, poses);
+    EXPECT_EQ(all.wrong, 0);
+    EXPECT_GE(all.found, 7 * pattern.cols * pattern.rows);
+    EXPECT_LT(all.rms(), 0.1);
+    EXPECT_LT(all.sum.norm() / all.found, 0.02);
+}
+
+TEST(BoardDetector, FindsNothingWhereNothingIs) {
+    cv::Mat noise(480, 640, CV_8UC1);
+    cv::RNG(1).fill(noise, cv::RNG::UNIFORM, 0, 255);
+    EXPECT_TRUE(BoardDetector(make_checkerboard(8, 5, 0.1, 0.1)).detect(noise).empty());
+    if (BoardDetector::knows_april_grids())
+        EXPECT_TRUE(BoardDetector(make_april_grid(5, 4, 0.1, 0.3)).detect(noise).empty());
+    EXPECT_NE(test::error_of([] { BoardDetector{Board{}}; }).find("no pattern"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace vio
