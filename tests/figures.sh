@@ -126,6 +126,44 @@ echo
 echo "Arm experiments, by what is known of the mirror's place"
 taskset -c 0 build/release/tests/vio_mirror_place datasets
 
+# Calibration. From starts about 10 degrees and 5 cm off; bars: 0.3 degrees, 1 cm, 2 ms.
+if [[ -d $DATA/euroc_imu_april ]]; then
+    printf '\ncamera on the IMU, board run\n'
+    printf '[camera]\nT_B_C = -0.0503 -0.1056 0.0110 -0.0121 0.0975 0.7001 0.7073\n[imu]\ntime_offset_s = 0.02\n' \
+        >"$OUT/off.ini"
+    for start in "" "--calibration $OUT/off.ini" "--calibration $OUT/off.ini --from 30 --to 50"; do
+        # shellcheck disable=SC2086  # several options in one variable
+        taskset -c 0 "$VIO_SLAM" calibrate imu-camera "$OUT/april.rawlog" \
+            --board "$DATA/euroc_imu_april/target.csv" -o "$OUT/rig.ini" $start |
+            grep -E '^(residual|T_I_C|1 sigma|time offset|moved)'
+        awk '/^T_B_C/ { printf "from the published: %.2f mm\n", 1e3 * sqrt(($3 + 0.0216401455)^2 +
+            ($4 + 0.064676986768)^2 + ($5 - 0.00981073059)^2) }' "$OUT/rig.ini"
+    done
+fi
+
+echo
+echo "Fisheye beside perspective, rendered images (bar: fisheye no worse)"
+for seed in 7 8; do
+    for lens in perspective fisheye; do
+        camera=(--set "camera.intrinsics=420 420 319.5 239.5" --set "camera.distortion=")
+        [[ $lens == perspective ]] || camera=(--set camera.model=fisheye --set camera.max_angle=95
+            --set "camera.intrinsics=200 200 319.5 239.5" --set "camera.distortion=0.01 -0.005 0.001 0")
+        "$VIO_SLAM" simulate datasets/demo.ini -o "$OUT/lens.rawlog" --set scenario.seed=$seed \
+            --set images.row_fill=1 --set images.grey_step=1 --set camera.height=480 \
+            "${camera[@]}" >/dev/null
+        for estimator in batch iekf; do
+            row "$lens, seed $seed, $estimator" "$OUT/lens.rawlog" "$OUT/lens.truth.tum" sim3 0 \
+                --estimator $estimator
+        done
+    done
+done
+
+if [[ -x build/release/tests/vio_benchmarks ]]; then
+    echo
+    echo "Cameras: time of a projection (bars: perspective 500 ns, misaligned mirror 2000 ns)"
+    build/release/tests/vio_benchmarks --benchmark_filter='^camera/' 2>/dev/null | cut -c 1-100
+fi
+
 # The filter over seeds of simulated experiments.
 readonly RUNS=build/release/tests/vio_filter_runs
 printf '\nperspective arm, filter and batch after yaw and position alignment\n'

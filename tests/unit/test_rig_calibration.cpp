@@ -119,10 +119,10 @@ TEST(RigTerms, BorderMatchesCentralDifferences) {
 
 // Sum of n runs' NEES is chi-square with 7 n degrees of freedom; bounds of 99.9 %.
 TEST(ImuCameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
-    constexpr int kRuns = 8;
-    double sum = 0, worst_turn = 0, worst_shift = 0, worst_offset = 0;
+    constexpr int kRuns = 6;
+    double sum = 0;
     for (unsigned seed = 1; seed <= kRuns; ++seed) {
-        const auto run = run_with(seed, 6, 0.5, 0.02);
+        const auto run = run_with(seed, 4, 0.5, 0.02);
         BatchProblem problem = surveyed_problem(run);
         Random random(seed, "start");
         Vector6d off;
@@ -138,18 +138,13 @@ TEST(ImuCameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
         Eigen::Matrix<double, 7, 1> error;
         error << run.rig.T_I_C().boxminus(c.rig.T_I_C()), run.rig.time_offset - c.rig.time_offset;
         sum += error.dot(c.covariance.ldlt().solve(error));
-        worst_turn = std::max(worst_turn, error.head<3>().norm());
-        worst_shift = std::max(worst_shift, error.segment<3>(3).norm());
-        worst_offset = std::max(worst_offset, std::abs(error(6)));
     }
     const double expected = 7 * kRuns;
     EXPECT_NEAR(sum, expected, 3.3 * std::sqrt(2 * expected));
-    std::printf("NEES %.2f of 7, worst %.4f deg %.2f mm %.3f ms\n", sum / kRuns,
-                worst_turn / 0.01745, 1e3 * worst_shift, 1e3 * worst_offset);
 }
 
 TEST(ImuCameraCalibration, FindsTheIntrinsicsToo) {
-    const auto run = run_with(5, 8, 0.3, -0.015);
+    const auto run = run_with(5, 5, 0.3, -0.015);
     BatchProblem problem = surveyed_problem(run);
     const Eigen::VectorXd truth = intrinsics(*run.rig.camera, 8);
     Eigen::VectorXd off(8);
@@ -240,7 +235,6 @@ TEST(CameraCalibration, ErrorsAreAsLargeAsTheCovarianceSays) {
             sum += error.dot(result.rig.covariance.ldlt().solve(error));
         }
         const double expected = n * kRuns;
-        std::printf("%s %d: NEES %.2f of %d\n", c.model.c_str(), c.distortion, sum / kRuns, n);
         EXPECT_NEAR(sum, expected, 3.3 * std::sqrt(2 * expected)) << c.model << c.distortion;
     }
 }
