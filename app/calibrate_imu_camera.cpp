@@ -4,6 +4,7 @@
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
+#include "app/calibration_option.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/imu_camera.h"
 #include "libvio/camera/intrinsics.h"
@@ -120,9 +121,7 @@ void add_calibrate_imu_camera(CLI::App& calibrate_command) {
                      "points that the features' ids name")
         ->required();
     command->add_option("-o,--output", arguments->output, "Calibration file to write")->required();
-    command->add_option("--calibration", recording.calibration_file,
-                        "Calibration that overrides the rawlog's (share/formats.md): intrinsics, "
-                        "noise densities, and the camera's place as far as known");
+    add_calibration_option(*command, recording.calibration_files);
     command->add_option("--camera-label", recording.camera_label, "Camera; default: the first");
     command->add_option("--imu-label", recording.imu_label, "IMU; default: the first");
     command->add_option("--from", arguments->source.begin_s, "Leave out what is before [s]")
