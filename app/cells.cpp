@@ -61,11 +61,28 @@ std::string build_stamp() {
     return stamp;
 }
 
+// State of a file and, of a scenario, of those that it includes.
+std::string files_stamp(const fs::path& file, int depth = 0) {
+    constexpr int kDeepest = 16;  // files that include each other are refused where they are used
+    std::string stamp = file_stamp(file);
+    if (file.extension() != ".ini" || depth == kDeepest) return stamp;
+    std::ifstream in(file);
+    for (std::string line; std::getline(in, line);) {
+        const std::string_view text = trimmed(std::string_view(line).substr(0, line.find(" #")));
+        const size_t equals = text.find('=');
+        if (equals == std::string_view::npos || trimmed(text.substr(0, equals)) != "include")
+            continue;
+        const fs::path included = file.parent_path() / trimmed(text.substr(equals + 1));
+        if (fs::is_regular_file(included)) stamp += files_stamp(included, depth + 1);
+    }
+    return stamp;
+}
+
 // Arguments, and the state of every file that they name.
 std::string argument_stamp(const std::string& arguments) {
     std::string stamp = arguments + "\n";
     for (const std::string& argument : split_arguments(arguments))
-        if (fs::is_regular_file(argument)) stamp += file_stamp(argument);
+        if (fs::is_regular_file(argument)) stamp += files_stamp(argument);
     return stamp;
 }
 

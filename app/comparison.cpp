@@ -40,6 +40,11 @@ int image_count(const std::string& folder) {
     return summary.is_object() ? summary.value("images_in_recording", 0) : 0;
 }
 
+std::vector<TimedPose> followed(std::vector<TimedPose> poses, const Pose& T) {
+    for (TimedPose& row : poses) row.T_W_B = row.T_W_B * T;
+    return poses;
+}
+
 Pose tracked_pose(const std::vector<double>& v) {
     Pose T;
     if (v.empty()) return T;
@@ -131,7 +136,11 @@ JudgedResult read_judged(const std::string& result) {
     const Estimate estimate = read_results(result);
     judged.has_scale = estimate.has_scale;
     judged.poses = trajectory(estimate);
-    if (!estimate.has_scale) return judged;  // its covariance is in arbitrary units
+    if (!estimate.has_scale) {  // its covariance is in arbitrary units
+        const Rig rig = read_results_rig(result);
+        if (rig.camera) judged.T_B_C = rig.T_B_C;
+        return judged;
+    }
     judged.covariances.emplace();
     for (const StateEstimate& state : estimate.states)
         judged.covariances->push_back(state.covariance.topLeftCorner<6, 6>());
@@ -146,10 +155,18 @@ Evaluation compare(const JudgedResult& result, const Reference& reference,
     how.truth_name = reference.name;
     how.T_B_T = reference.T_B_T;
     how.truth_has_attitude = reference.has_attitude;
+    how.estimate_has_scale = result.has_scale;
     how.images.image_count = result.image_count;
     if (!options.rawlog.empty()) how.images.stamps = image_stamps(options.rawlog);
-    Evaluation evaluation = evaluate(result.poses, reference.poses, how, result.covariances);
-    if (!result.has_scale) evaluation.scale_error.reset();  // Eq. (27) has no meaning then
+    Evaluation evaluation;
+    if (result.T_B_C && reference.has_attitude) {
+        how.T_B_T = {};
+        evaluation =
+            evaluate(followed(result.poses, *result.T_B_C),
+                     followed(reference.poses, reference.T_B_T.inverse() * *result.T_B_C), how);
+    } else {
+        evaluation = evaluate(result.poses, reference.poses, how, result.covariances);
+    }
     evaluation.warnings.insert(evaluation.warnings.begin(), reference.notes.begin(),
                                reference.notes.end());
     return evaluation;

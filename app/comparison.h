@@ -33,6 +33,9 @@ struct JudgedResult {
     std::optional<std::vector<Matrix6d>> covariances;
     bool has_scale = true;
     int image_count = 0;  ///< of the recording, as the result tells; 0: it does not
+    /// Camera in the body, of a result without scale: such a result is judged at the camera, since
+    /// its place in the body is metric and the result is not.
+    std::optional<Pose> T_B_C;
 };
 
 /// Reads a results folder, or a trajectory in any layout of read_trajectory().

@@ -1,6 +1,7 @@
 #include "app/page.h"
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -17,19 +18,28 @@ namespace fs = std::filesystem;
 constexpr const char* kCss =
     "body{margin:0;background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif}"
     "main{max-width:1120px;margin:0 auto;padding:24px 20px 60px}"
-    "h1{font-size:26px;margin:8px 0 4px}h2{font-size:18px;margin:34px 0 8px;padding-top:10px;"
-    "border-top:1px solid var(--rule)}p{margin:6px 0 12px;color:var(--faint);max-width:80ch}"
+    "h1{font-size:26px;margin:8px 0 4px;overflow-wrap:anywhere}h2{font-size:18px;margin:34px 0 "
+    "8px;padding-top:10px;"
+    "border-top:1px solid var(--rule)}h3{font-size:14px;margin:12px 0 2px}ul{margin:4px 0 12px;"
+    "padding-left:20px}li{margin:4px "
+    "0;color:var(--faint);font-size:13.5px;max-width:110ch}p{margin:6px 0 "
+    "12px;color:var(--faint);max-width:80ch}"
     ".scroll{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;"
     "font-size:13.5px;margin:8px 0 14px}th,td{padding:4px 11px;text-align:right;"
-    "border-bottom:1px solid var(--rule);white-space:nowrap}th{font-weight:600;"
-    "background:var(--shade)}th:first-child,td:first-child{text-align:left}"
+    "border-bottom:1px solid var(--rule);white-space:nowrap}th{font-weight:600;white-space:normal;"
+    "vertical-align:bottom;"
+    "background:var(--shade)}th:first-child,td:first-child,.t,.w{text-align:left}"
+    "td.w{white-space:normal;min-width:14em;max-width:70ch}"
     "tr:hover td{background:var(--shade)}figure{margin:10px 0 18px}"
-    ".plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(440px,1fr));gap:14px}"
+    ".plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(440px,100%),1fr));"
+    "gap:14px}"
     ".plots svg{width:100%;height:auto;background:var(--paper)}"
     "figcaption{color:var(--faint);font-size:13px}img{max-width:100%;border-radius:6px}"
     "details{margin:10px 0}summary{cursor:pointer;font-weight:600}"
     "pre{background:var(--shade);padding:12px;overflow-x:auto;font-size:12.5px;border-radius:6px}"
-    "@media(max-width:520px){.plots{grid-template-columns:1fr}}";
+    "@media(max-width:520px){main{padding:14px 12px 40px}h1{font-size:21px}}"
+    // The picture is drawn on white: its lightness is turned over, its hues stay.
+    "@media(prefers-color-scheme:dark){img{filter:invert(.9) hue-rotate(180deg)}}";
 
 std::string escaped(const std::string& text) {
     std::string result;
@@ -44,6 +54,21 @@ std::string escaped(const std::string& text) {
             result += c;
     }
     return result;
+}
+
+// Figures are set to the right, words to the left (class t); long texts are broken (class w).
+std::string column_class(const std::vector<std::vector<std::string>>& rows, size_t column) {
+    constexpr size_t kLong = 40;
+    std::string name;
+    for (const auto& row : rows) {
+        if (column >= row.size()) continue;
+        const std::string& cell = row[column];
+        if (cell.size() > kLong) return "w";
+        const auto letters = std::count_if(cell.begin(), cell.end(),
+                                           [](unsigned char c) { return std::isalpha(c); });
+        if (letters > 3) name = "t";
+    }
+    return name;
 }
 
 // Columns that a text takes on a terminal: UTF-8's continuation bytes take none.
@@ -108,17 +133,38 @@ void Page::text(const std::string& text) {
 }
 
 void Page::table(const Table& table) {
+    std::vector<std::string> classes;
+    for (size_t c = 0; c < table.header.size(); ++c) classes.push_back(column_class(table.rows, c));
+    const auto cells = [&](const std::vector<std::string>& row, const std::string& tag) {
+        for (size_t c = 0; c < row.size(); ++c) {
+            const bool plain = c >= classes.size() || classes[c].empty();
+            html_ += "<" + tag + (plain ? "" : " class=\"" + classes[c] + "\"") + ">" +
+                     escaped(row[c]) + "</" + tag + ">";
+        }
+    };
     html_ += "<div class=\"scroll\"><table><thead><tr>";
-    for (const std::string& cell : table.header) html_ += "<th>" + escaped(cell) + "</th>";
+    cells(table.header, "th");
     html_ += "</tr></thead><tbody>\n";
     for (const auto& row : table.rows) {
         html_ += "<tr>";
-        for (const std::string& cell : row) html_ += "<td>" + escaped(cell) + "</td>";
+        cells(row, "td");
         html_ += "</tr>\n";
     }
     html_ += "</tbody></table></div>\n";
     markdown_ += to_markdown(table) + "\n";
     if (!table.caption.empty()) text(table.caption);
+}
+
+void Page::list(const std::string& head, const std::vector<std::string>& items) {
+    if (items.empty()) return;
+    html_ += "<h3>" + escaped(head) + "</h3>\n<ul>\n";
+    markdown_ += head + ":\n\n";
+    for (const std::string& item : items) {
+        html_ += "<li>" + escaped(item) + "</li>\n";
+        markdown_ += "- " + item + "\n";
+    }
+    html_ += "</ul>\n";
+    markdown_ += "\n";
 }
 
 void Page::folded(const std::string& summary, const std::string& preformatted) {

@@ -22,6 +22,8 @@ class Page {
     void heading(const std::string& text);
     void text(const std::string& text);
     void table(const Table& table);
+    /// Nothing without items.
+    void list(const std::string& head, const std::vector<std::string>& items);
     /// A table whose first column and figures are to be looked up rather than read: folded away.
     void folded(const std::string& summary, const std::string& preformatted);
     /// Plots side by side as far as the page is wide. `name`: of their files beside the Markdown.

@@ -1,6 +1,8 @@
 #include "app/paper_rows.h"
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "app/comparison.h"
 #include "libvio/base/errors.h"
@@ -23,6 +25,131 @@ int digits_for(double value, int usual) {
     return std::max(usual, static_cast<int>(std::ceil(-std::log10(value))) + 1);
 }
 
+// One of the table's figures.
+struct Metric {
+    const char* name;
+    double PaperValues::*paper;
+    double (*ours)(const Measures&);  // in the paper's unit; NaN: there is none
+    int digits;
+    const char* unit;
+};
+const Metric kMetrics[] = {
+    {"rotation", &PaperValues::rotation_mean, [](const Measures& m) { return m.rotation_mean; }, 3,
+     " rad"},
+    {"rotation maximum", &PaperValues::rotation_max,
+     [](const Measures& m) { return m.rotation_max; }, 3, " rad"},
+    {"translation", &PaperValues::position_mean,
+     [](const Measures& m) { return 100 * m.position_mean; }, 1, " cm"},
+    {"translation maximum", &PaperValues::position_max,
+     [](const Measures& m) { return 100 * m.position_max; }, 1, " cm"},
+    {"scale", &PaperValues::scale,
+     [](const Measures& m) { return m.scale_size ? 100 * *m.scale_size : NAN; }, 1, " %"},
+    {"iterations", &PaperValues::iterations, [](const Measures& m) { return m.iterations; }, 0, ""},
+};
+const Metric& kIterations = kMetrics[std::size(kMetrics) - 1];
+
+bool as_good(const Metric& metric, const Measures& ours, const PaperValues& paper) {
+    const double of_paper = paper.*metric.paper;
+    return of_paper == kNone || !(metric.ours(ours) > std::abs(of_paper));
+}
+
+std::vector<const Metric*> worse_metrics(const Measures& ours, const PaperValues& paper,
+                                         bool with_iterations) {
+    std::vector<const Metric*> list;
+    if (!ours.any()) return list;
+    for (const Metric& metric : kMetrics)
+        if (!as_good(metric, ours, paper) && (with_iterations || &metric != &kIterations))
+            list.push_back(&metric);
+    return list;
+}
+
+// "translation 2.6 cm (1.2 to 4.1; 3 of 5 as good)": mean, and single recordings.
+std::string spread_text(const Metric& metric, const std::vector<Outcome>& outcomes,
+                        const PaperValues& paper) {
+    double least = INFINITY, most = -INFINITY;
+    int good = 0, all = 0;
+    for (const Outcome& outcome : outcomes) {
+        const Measures single = measure({outcome});
+        const double value = metric.ours(single);
+        if (!single.any() || !std::isfinite(value)) continue;
+        least = std::min(least, value), most = std::max(most, value);
+        good += as_good(metric, single, paper);
+        ++all;
+    }
+    const std::string text = std::string(metric.name) + " " +
+                             fixed(metric.ours(measure(outcomes)), metric.digits) + metric.unit;
+    if (all < 2) return text;
+    return text + " (single recordings " + fixed(least, metric.digits) + " to " +
+           fixed(most, metric.digits) + ", " + std::to_string(good) + " of " + std::to_string(all) +
+           " as good)";
+}
+
+std::string joined(const std::vector<std::string>& parts, const char* between = ", ") {
+    std::string text;
+    for (const std::string& part : parts) text += (text.empty() ? "" : between) + part;
+    return text;
+}
+
+// What other estimates reach from the same recordings, and so what the recordings allow.
+std::string comparison_text(const std::vector<const Metric*>& errors, const PaperValues& paper,
+                            const Reasons& reasons) {
+    std::vector<std::string> reached;
+    std::set<const Metric*> allowed;
+    for (const Yardstick& yardstick : reasons.yardsticks) {
+        const Measures m = measure(yardstick.outcomes);
+        if (!m.any()) continue;
+        std::vector<std::string> values;
+        for (const Metric* metric : errors) {
+            values.push_back(std::string(metric->name) + " " +
+                             fixed(metric->ours(m), metric->digits) + metric->unit);
+            if (as_good(*metric, m, paper)) allowed.insert(metric);
+        }
+        reached.push_back(yardstick.name + ": " + joined(values));
+    }
+    if (reached.empty()) return "";
+    std::vector<std::string> yes, no;
+    for (const Metric* metric : errors) (allowed.count(metric) ? yes : no).push_back(metric->name);
+    std::string text = "From the same recordings, " + joined(reached, "; ") + ". ";
+    if (!yes.empty())
+        text += "So they allow the paper's " + joined(yes) +
+                "; what is lost is lost by this estimate" +
+                (reasons.cause.empty() ? "" : ": " + reasons.cause);
+    if (!no.empty())
+        text += (yes.empty() ? "" : ". ") + std::string("No estimate here reaches the paper's ") +
+                joined(no) + ", the figure of one recording: these recordings do not tell so much";
+    return text;
+}
+
+// Where the figures above the paper's come from: the recordings, or the estimate.
+std::string explanation(const std::vector<Outcome>& outcomes,
+                        const std::vector<const Metric*>& above, const PaperValues& paper,
+                        const Reasons& reasons) {
+    std::vector<std::string> sentences, figures;
+    const Measures ours = measure(outcomes);
+    std::vector<const Metric*> errors;
+    for (const Metric* metric : above) {
+        figures.push_back(spread_text(*metric, outcomes, paper));
+        if (metric != &kIterations) errors.push_back(metric);
+    }
+    if (!figures.empty()) sentences.push_back(joined(figures));
+    if (ours.failed > 0)
+        sentences.push_back(std::to_string(ours.failed) + " of " + std::to_string(ours.runs) +
+                            " give no estimate: " + ours.message);
+    if (!errors.empty()) {
+        const std::string others = comparison_text(errors, paper, reasons);
+        if (!others.empty()) sentences.push_back(others);
+    }
+    const Measures loose = measure(reasons.looser);
+    if (errors.size() < above.size() && loose.any())
+        sentences.push_back(
+            "Iterations are counted until the cost falls by less than 1e-8 of itself; until it "
+            "falls by less than " +
+            std::string(kLooseTolerance) + " there are " + fixed(loose.iterations, 1) +
+            ", with a translation error of " + fixed(100 * loose.position_mean, 2) +
+            " cm in place of " + fixed(100 * ours.position_mean, 2) + " cm");
+    return joined(sentences, ". ");
+}
+
 }  // namespace
 
 Comparison::Comparison(std::vector<std::string> labels, bool with_iterations)
@@ -37,8 +164,9 @@ Comparison::Comparison(std::vector<std::string> labels, bool with_iterations)
     table_.header.push_back("as good");
 }
 
-void Comparison::add(const std::vector<std::string>& labels, const Measures& ours,
-                     const PaperValues& paper) {
+void Comparison::add(const std::vector<std::string>& labels, const std::vector<Outcome>& outcomes,
+                     const PaperValues& paper, const Reasons& reasons) {
+    const Measures ours = measure(outcomes);
     std::vector<std::string> row = labels;
     const auto add = [&](bool known, const std::string& value, const std::string& of_paper) {
         row.push_back(known ? value : "N/A");
@@ -63,21 +191,11 @@ void Comparison::add(const std::vector<std::string>& labels, const Measures& our
                                    : std::to_string(ours.runs - ours.failed) + " of " +
                                          std::to_string(ours.runs));
 
+    const std::vector<const Metric*> above = worse_metrics(ours, paper, with_iterations_);
     std::string worse;
-    const auto judge = [&](const char* name, double value, double of_paper) {
-        if (of_paper == kNone || value <= of_paper) return;
-        worse += (worse.empty() ? "" : ", ") + std::string(name);
-    };
+    for (const Metric* metric : above)
+        worse += (worse.empty() ? "" : ", ") + std::string(metric->name);
     const bool paper_has = paper.position_mean != kNone;
-    if (ours.any()) {
-        judge("rotation", ours.rotation_mean, paper.rotation_mean);
-        judge("rotation maximum", ours.rotation_max, paper.rotation_max);
-        judge("translation", cm * ours.position_mean, paper.position_mean);
-        judge("translation maximum", cm * ours.position_max, paper.position_max);
-        if (ours.scale && paper.scale != kNone)
-            judge("scale", percent * *ours.scale_size, std::abs(paper.scale));
-        if (with_iterations_) judge("iterations", ours.iterations, paper.iterations);
-    }
     if (ours.failed > 0 && paper_has)
         worse += (worse.empty() ? "" : ", ") + std::to_string(ours.failed) + " failed";
     row.push_back(!paper_has ? "-" : (worse.empty() ? "yes" : "no: " + worse));
@@ -85,7 +203,7 @@ void Comparison::add(const std::vector<std::string>& labels, const Measures& our
     if (!paper_has || worse.empty()) return;
     std::string line;
     for (const std::string& label : labels) line += (line.empty() ? "" : ", ") + label;
-    worse_.push_back(line + ": " + worse + (ours.message.empty() ? "" : " (" + ours.message + ")"));
+    worse_.push_back(line + ": " + explanation(outcomes, above, paper, reasons));
 }
 
 std::vector<Outcome> outcomes(const CellStore& store, const std::vector<Cell>& cells) {

@@ -21,16 +21,31 @@ struct PaperValues {
     double iterations = kNone;
 };
 
+/// Another estimate from the same recordings: what they allow.
+struct Yardstick {
+    std::string name;
+    std::vector<Outcome> outcomes;
+};
+
+/// What explains a row that is not as good as the paper's.
+struct Reasons {
+    std::vector<Yardstick> yardsticks;
+    std::string cause;            ///< why the estimate is not as good as a yardstick that is
+    std::vector<Outcome> looser;  ///< the same, stopped at kLooseTolerance; for the iterations
+};
+constexpr const char* kLooseTolerance = "1e-4";
+
 /// A table of such rows under construction.
 class Comparison {
  public:
     /// `labels`: headers of the columns that say what a row is of.
     Comparison(std::vector<std::string> labels, bool with_iterations);
 
-    void add(const std::vector<std::string>& labels, const Measures& ours,
-             const PaperValues& paper);
+    /// One outcome for each recording.
+    void add(const std::vector<std::string>& labels, const std::vector<Outcome>& outcomes,
+             const PaperValues& paper, const Reasons& reasons = {});
     const Table& table() const { return table_; }
-    /// One line for each row of ours that has a figure above the paper's.
+    /// One line for each row of ours that has a figure above the paper's, with what it comes from.
     const std::vector<std::string>& worse() const { return worse_; }
 
  private:

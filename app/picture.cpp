@@ -17,6 +17,7 @@ NamedPath aligned_truth(const Estimate& estimate, const NamedPath& truth) {
     const std::vector<TimedPose> poses = trajectory(estimate);
     EvaluationOptions options;
     options.alignment = estimate.has_scale ? AlignmentKind::kSE3 : AlignmentKind::kSim3;
+    options.estimate_has_scale = estimate.has_scale;
     options.truth_name = truth.name;
     const Similarity S_G_E = evaluate(poses, truth.poses, options).alignment.S_G_E;
     std::vector<TimedPose> shown;

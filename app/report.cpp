@@ -2,17 +2,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <functional>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.h"
-#include "app/comparison.h"
 #include "app/measures.h"
 #include "app/page.h"
-#include "app/plot.h"
 #include "app/report.h"
+#include "app/report_innovations.h"
+#include "app/report_plots.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/results.h"
 #include "libvio/io/text.h"
@@ -22,21 +21,6 @@ namespace vio::app {
 namespace {
 
 constexpr double kDegrees = 180 / M_PI;
-constexpr double kSigmas = 3;
-constexpr const char* kAxes[] = {"x", "y", "z"};
-
-// A result with what it is compared with.
-struct Material {
-    std::string folder;
-    Estimate estimate;
-    JudgedResult judged;
-    nlohmann::json summary;
-    std::vector<Reference> references;
-    std::vector<Evaluation> evaluations;
-
-    TimeNs start() const { return estimate.states.front().t; }
-    double seconds(TimeNs t) const { return to_seconds(t - start()); }
-};
 
 std::string known(const nlohmann::json& json, const char* key, int digits) {
     return json.contains(key) && json[key].is_number() ? fixed(json[key].get<double>(), digits)
@@ -64,11 +48,24 @@ void add_summary(const Material& m, Page& page) {
         {m.estimate.has_scale ? "path [m]" : "path (scale unknown)", known(s, "path_length_m", 2)});
     table.rows.push_back({"landmarks", known(s, "landmarks", 0)});
     table.rows.push_back({"IMU readings", known(s, "imu_readings", 0)});
-    table.rows.push_back({"time: tracking [s]", known(s, "tracking_s", 2)});
-    table.rows.push_back({"time: estimation [s]", known(s, "estimation_s", 2)});
-    table.rows.push_back({"time: input and output [s]", known(s, "input_output_s", 2)});
-    table.rows.push_back({"times real time", known(s, "real_time_ratio", 1)});
     page.table(table);
+}
+
+void add_timing(const Material& m, Page& page) {
+    Table table;
+    table.header = {"step", "time [s]", "an image [ms]"};
+    const double images = m.summary.value("images_in_recording", 0);
+    for (const auto& [name, key] : {std::pair{"tracking", "tracking_s"},
+                                    {"estimation", "estimation_s"},
+                                    {"input and output", "input_output_s"}}) {
+        const double seconds = m.summary.value(key, 0.0);
+        table.rows.push_back(
+            {name, known(m.summary, key, 2), images > 0 ? fixed(1e3 * seconds / images, 2) : "-"});
+    }
+    page.heading("Timing");
+    page.table(table);
+    page.text("Tracking and estimation together: " + known(m.summary, "real_time_ratio", 1) +
+              " times as fast as the recording.");
 }
 
 void add_events(const Material& m, Page& page) {
@@ -80,6 +77,8 @@ void add_events(const Material& m, Page& page) {
     if (m.summary.contains("damage"))
         table.rows.push_back({"", m.summary["damage"].get<std::string>()});
     if (!m.summary.value("converged", true)) table.rows.push_back({"", "has not converged"});
+    const std::string innovations = innovation_warning(m.estimate);
+    if (!innovations.empty()) table.rows.push_back({"", innovations});
     for (const Evaluation& e : m.evaluations)
         for (const std::string& warning : e.warnings)
             table.rows.push_back({"", e.truth_name + ": " + warning});
@@ -108,156 +107,27 @@ void add_comparisons(const Material& m, Page& page) {
         page.folded("All figures against " + e.truth_name, to_text(e));
 }
 
-Series path(const std::string& name, int colour, const std::vector<TimedPose>& poses, int a,
-            int b) {
-    Series series;
-    series.name = name;
-    series.colour = colour;
-    for (const TimedPose& row : poses) {
-        series.x.push_back(row.T_W_B.p[a]);
-        series.y.push_back(row.T_W_B.p[b]);
-    }
-    return series;
-}
-
-// A reference in the estimate's world, while there are estimates.
-std::vector<TimedPose> in_world(const Material& m, size_t reference) {
-    std::vector<TimedPose> rows;
-    const Similarity S_E_G = m.evaluations[reference].alignment.S_G_E.inverse();
-    for (const TimedPose& row : apply(S_E_G, m.references[reference].poses))
-        if (row.t >= m.start() && row.t <= m.estimate.states.back().t) rows.push_back(row);
-    return rows;
-}
-
-void add_paths(const Material& m, std::vector<Plot>& plots) {
-    const int views[][2] = {{0, 1}, {0, 2}};
-    const char* titles[] = {"From above", "From the side"};
-    const int colours[] = {5, 2, 4, 3};
-    const std::string unit = m.estimate.has_scale ? " [m]" : " (scale unknown)";
-    for (int v = 0; v < 2; ++v) {
-        Plot plot;
-        plot.title = titles[v];
-        plot.x_label = kAxes[views[v][0]] + unit, plot.y_label = kAxes[views[v][1]] + unit;
-        plot.equal_axes = true;
-        plot.height = 460;
-        for (size_t i = 0; i < m.references.size(); ++i) {
-            Series series = path(std::filesystem::path(m.references[i].name).filename(),
-                                 colours[i % 4], in_world(m, i), views[v][0], views[v][1]);
-            if (m.references[i].has_attitude)
-                series.style = Series::kDashed;
-            else
-                series.style = Series::kPoints;
-            plot.series.push_back(series);
-        }
-        plot.series.push_back(path("estimate", 1, m.judged.poses, views[v][0], views[v][1]));
-        plots.push_back(plot);
-    }
-}
-
-// Errors of position (world axes) or rotation (body axes) with their 3-sigma bands. The worlds are
-// brought together at the first pose, as for the NEES: there the covariance is expressed.
-void add_errors(const Material& m, std::vector<Plot>& plots) {
-    if (m.references.empty() || !m.judged.covariances) return;
-    const Reference& reference = m.references.front();
-    const Evaluation& e = m.evaluations.front();
-    if (!reference.has_attitude) return;
-    auto pairs = associate(m.judged.poses, reference.poses, from_seconds(e.max_gap_s),
-                           from_seconds(e.time_offset_s));
-    const Pose T_T_B = reference.T_B_T.inverse();
-    for (PosePair& pair : pairs) pair.truth = pair.truth * T_T_B;
-    const Similarity S_E_G =
-        align_yaw_position(pairs.front().estimate, pairs.front().truth).inverse();
-    for (const bool rotation : {false, true})
-        for (int axis = 0; axis < 3; ++axis) {
-            Plot plot;
-            const double unit = rotation ? kDegrees : 1;
-            plot.y_label = std::string(rotation ? "rotation " : "position ") + kAxes[axis] +
-                           (rotation ? " [deg]" : " [m]");
-            plot.x_label = "time [s]";
-            plot.height = 230;
-            Series band, error;
-            band.style = Series::kBand;
-            band.name = "3 sigma", error.name = "error";
-            error.colour = 6, band.colour = 1;
-            const int row = (rotation ? 0 : 3) + axis;
-            for (const PosePair& pair : pairs) {
-                const Vector6d d = pair.estimate.boxminus(S_E_G * pair.truth);
-                const auto idx = static_cast<size_t>(pair.estimate_idx);
-                const double sigma =
-                    std::sqrt(std::max(0.0, (*m.judged.covariances)[idx](row, row)));
-                for (Series* s : {&band, &error}) s->x.push_back(m.seconds(pair.t));
-                error.y.push_back(unit * d[row]);
-                band.y.push_back(-kSigmas * unit * sigma);
-                band.y2.push_back(kSigmas * unit * sigma);
-            }
-            plot.series = {band, error};
-            plots.push_back(plot);
-        }
-}
-
-// A vector of the state with its 3-sigma bands, one colour for each axis.
-Plot state_plot(const Material& m, const std::string& label,
-                const std::function<Eigen::Vector3d(const StateEstimate&)>& value, int covariance,
-                double unit) {
-    Plot plot;
-    plot.x_label = "time [s]", plot.y_label = label;
-    plot.height = 260;
-    for (int axis = 0; axis < 3; ++axis) {
-        Series band, line;
-        band.style = Series::kBand;
-        line.name = kAxes[axis];
-        band.colour = line.colour = axis + 1;
-        for (const StateEstimate& s : m.estimate.states) {
-            const double sigma =
-                std::sqrt(std::max(0.0, s.covariance(covariance + axis, covariance + axis)));
-            for (Series* series : {&band, &line}) series->x.push_back(m.seconds(s.t));
-            line.y.push_back(unit * value(s)[axis]);
-            band.y.push_back(unit * (value(s)[axis] - kSigmas * sigma));
-            band.y2.push_back(unit * (value(s)[axis] + kSigmas * sigma));
-        }
-        plot.series.push_back(band);
-        plot.series.push_back(line);
-    }
-    return plot;
-}
-
-void add_states(const Material& m, std::vector<Plot>& plots) {
-    if (m.estimate.has_scale) {
-        plots.push_back(state_plot(
-            m, "velocity [m/s]", [](const StateEstimate& s) { return s.v_W; }, kVelocity, 1));
-        plots.push_back(state_plot(
-            m, "gyro bias [deg/s]", [](const StateEstimate& s) { return s.gyro_bias; }, kGyroBias,
-            kDegrees));
-        plots.push_back(state_plot(
-            m, "accelerometer bias [m/s^2]", [](const StateEstimate& s) { return s.accel_bias; },
-            kAccelBias, 1));
-    }
-    Plot features;
-    features.x_label = "time [s]", features.y_label = "features used in an image";
-    features.height = 260;
-    Series used, lost;
-    used.name = "features";
-    lost.name = "track lost";
-    lost.colour = 6;
-    lost.style = Series::kPoints;
-    for (const StateEstimate& s : m.estimate.states) {
-        used.x.push_back(m.seconds(s.t));
-        used.y.push_back(s.features);
-        if (!s.lost) continue;
-        lost.x.push_back(m.seconds(s.t));
-        lost.y.push_back(s.features);
-    }
-    features.series = {used, lost};
-    plots.push_back(features);
-}
-
-std::string gravity_text(const Estimate& estimate) {
-    const Eigen::Vector3d sigma = estimate.gravity_covariance.diagonal().cwiseMax(0).cwiseSqrt();
-    std::string text = "Gravity in the world frame [m/s^2]:";
-    for (int k = 0; k < 3; ++k)
-        text += " " + fixed(estimate.g_W[k], 4) +
-                (sigma.isZero() ? "" : " (sigma " + fixed(sigma[k], 4) + ")") + (k < 2 ? "," : "");
-    return text + ", of length " + fixed(estimate.g_W.norm(), 4) + ".";
+// The parameters at the end, each with its standard deviation.
+Table parameters(const Estimate& estimate) {
+    Table table;
+    if (!estimate.has_scale) return table;
+    table.header = {"at the end", "x", "y", "z", "length", "sigma x", "sigma y", "sigma z"};
+    const auto add = [&](const char* name, const Eigen::Vector3d& value,
+                         const Eigen::Vector3d& variance, double unit) {
+        std::vector<std::string> row = {name};
+        for (int k = 0; k < 3; ++k) row.push_back(fixed(unit * value[k], 4));
+        row.push_back(fixed(unit * value.norm(), 4));
+        for (int k = 0; k < 3; ++k)
+            row.push_back(
+                variance.isZero() ? "-" : fixed(unit * std::sqrt(std::max(0.0, variance[k])), 4));
+        table.rows.push_back(row);
+    };
+    const StateEstimate& last = estimate.states.back();
+    const Eigen::Matrix<double, 15, 1> variance = last.covariance.diagonal();
+    add("gravity in W [m/s^2]", estimate.g_W, estimate.gravity_covariance.diagonal(), 1);
+    add("gyro bias [deg/s]", last.gyro_bias, variance.segment<3>(kGyroBias), kDegrees);
+    add("accelerometer bias [m/s^2]", last.accel_bias, variance.segment<3>(kAccelBias), 1);
+    return table;
 }
 
 Material read_material(const std::string& folder, const ComparisonOptions& comparison) {
@@ -278,12 +148,12 @@ Material read_material(const std::string& folder, const ComparisonOptions& compa
 
 // Draws all plots at once and deals them out to the sections that they belong to.
 void add_plots(const Material& m, Page& page) {
-    std::vector<Plot> paths, errors, states;
-    add_paths(m, paths);
-    add_errors(m, errors);
-    add_states(m, states);
+    std::vector<Plot> paths = path_plots(m), sizes = error_size_plots(m), errors = error_plots(m),
+                      states = state_plots(m), features = {feature_plot(m)};
+    std::vector<Plot> innovations = innovation_plots(m.estimate);
     std::vector<Plot> all = paths;
-    for (const auto* more : {&errors, &states}) all.insert(all.end(), more->begin(), more->end());
+    for (const auto* more : {&sizes, &errors, &states, &features, &innovations})
+        all.insert(all.end(), more->begin(), more->end());
     const std::vector<std::string> drawn = draw(all);
     auto next = drawn.begin();
     const auto deal = [&](const std::string& heading, const std::string& name, size_t count,
@@ -300,13 +170,25 @@ void add_plots(const Material& m, Page& page) {
     const std::string picture = m.folder + "/snapshot.png";
     if (std::filesystem::exists(picture))
         page.picture(picture, "Path, cameras, landmarks and 3-sigma ellipsoids.");
-    deal("Errors over time", "errors", errors.size(),
+    deal("Errors over time", "error_sizes", sizes.size(), "After the alignment.");
+    deal("", "errors", errors.size(),
          "Estimate minus " + (m.references.empty() ? "" : m.references.front().name) +
              ", the worlds brought together at the first pose by yaw and position, where the "
              "covariance is expressed. Errors leave the band 0.3 % of the time if the covariance "
              "is right.");
-    deal("States", "states", states.size(),
-         m.estimate.has_scale ? "Bands: 3 sigma. " + gravity_text(m.estimate) : "");
+    deal("Velocity, biases and gravity", "states", states.size(), "Bands: 3 sigma.");
+    if (const Table table = parameters(m.estimate); !table.rows.empty()) page.table(table);
+    deal(
+        "Features and innovations", "innovations", features.size() + innovations.size(),
+        innovations.empty()
+            ? ""
+            : "What each image told the filter beyond what its state expected, normalised by the "
+              "covariance that it claims and in pixels. Above the band, which holds 95 % if the "
+              "covariance is right: it is too small, or tracks are wrong. Below: the noise that is "
+              "stated is larger than what changes from image to image; features that creep err "
+              "alike "
+              "in many.");
+    if (const Table table = innovation_table(m.estimate); !table.rows.empty()) page.table(table);
 }
 
 struct Arguments {
@@ -329,6 +211,7 @@ std::string write_report(const std::string& folder, const ComparisonOptions& com
     add_events(m, page);
     add_comparisons(m, page);
     add_plots(m, page);
+    add_timing(m, page);
     if (std::filesystem::exists(folder + "/options.ini"))
         page.folded("Options as used", read_text(folder + "/options.ini"));
     std::string stem = output.empty() ? folder + "/report.html" : output;

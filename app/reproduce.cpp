@@ -28,7 +28,10 @@ constexpr const char* kIntroduction =
     "same statistics (vio-slam statistics), so the figures stand beside each other, never for the "
     "same data. Ours are means over several recordings, the paper's of one. Scale errors of ours "
     "are sizes, since their signs would cancel. Errors are average / maximum after scaled rigid "
-    "alignment, Eqs. (26) and (27).";
+    "alignment, Eqs. (26) and (27). Below each table stands what is not as good as the paper's, "
+    "with "
+    "the range over single recordings and how many of them are as good, and what other estimates "
+    "reach from the same recordings.";
 
 std::vector<Exhibit> chosen(const Arguments& arguments) {
     std::vector<Exhibit> list;
@@ -65,7 +68,7 @@ void run(const Arguments& arguments) {
     for (const Exhibit& exhibit : wanted) {
         page.heading(exhibit.title);
         const std::vector<std::string> worse = exhibit.show(arguments.setup, store, page);
-        for (const std::string& line : worse) page.text("Not as good as the paper: " + line + ".");
+        page.list("Not as good as the paper, and why", worse);
     }
     const std::string stem =
         arguments.output + "/" + (arguments.names.size() == 1 ? arguments.names[0] : "paper");

@@ -52,6 +52,20 @@ struct RelativeMotion {
     Matrix6d covariance = Matrix6d::Zero();
 };
 
+/// What an image tells the recursive estimator that its state did not expect. Of points whose
+/// tracks were used; normalised by the covariance that the state claims (a chi-square variable with
+/// dof degrees of freedom if it is right, but for the gate).
+struct ImageInnovations {
+    TimeNs t = 0;
+    int landmarks = 0, landmarks_rejected = 0;    ///< points of the state in sight; failed the gate
+    int new_points = 0, new_points_rejected = 0;  ///< points used from their tracks; failed
+    double rms_px = 0;                            ///< of one coordinate, of those that passed
+    double normalised = 0;                        ///< r^T S^-1 r of all that passed
+    int dof = 0;
+    double readings_normalised = 0;  ///< of the inertial readings since the last image, where they
+    int readings_dof = 0;            ///< are measurements (motion model smooth)
+};
+
 /// Trajectory, structure and parameters in a world frame W whose z axis is up when inertial data
 /// are used; the first pose has zero position and zero yaw.
 struct Estimate {
@@ -60,6 +74,7 @@ struct Estimate {
     /// From key-frame to key-frame, in order of time: images that follow the motion, by the overlap
     /// of their features.
     std::vector<RelativeMotion> keyframe_motions;
+    std::vector<ImageInnovations> innovations;  ///< in order of time; none of the batch estimator
     Eigen::Vector3d g_W = Eigen::Vector3d::Zero();  ///< [m/s^2]
     Eigen::Matrix3d gravity_covariance = Eigen::Matrix3d::Zero();
     bool has_scale = true;  ///< false for image-only: global scale is arbitrary

@@ -9,6 +9,7 @@ namespace vio::batch {
 namespace {
 
 constexpr double kSmallestDamping = 1e-12, kLargestDamping = 1e14;
+constexpr double kNoCost = 1e-12;  // of exact measurements: what rounding leaves
 
 // Calls work() and adds the time that it took.
 template <typename Work>
@@ -48,7 +49,7 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
             });
             const double decrease = cost.total() - now;
             const double predicted = equations.predicted_decrease(step);
-            const double small = limits.cost_tolerance * cost.total();
+            const double small = limits.cost_tolerance * std::max(cost.total(), kNoCost);
             report.gradient = predicted / cost.total();
             accepted = std::isfinite(now) && decrease > 0;
             if (accepted) std::swap(state, candidate);

@@ -7,6 +7,7 @@
 
 #include "libvio/base/errors.h"
 #include "libvio/base/median.h"
+#include "libvio/evaluation/plausibility.h"
 #include "libvio/evaluation/time_offset.h"
 
 namespace vio {
@@ -205,13 +206,6 @@ void measure_steps(const std::vector<PosePair>& aligned, const EvaluationOptions
         e.rpe_time.push_back(relative_error_over_time(aligned, step));
 }
 
-double length(const Eigen::Matrix3Xd& points) {
-    double sum = 0;
-    for (Eigen::Index i = 1; i < points.cols(); ++i)
-        sum += (points.col(i) - points.col(i - 1)).norm();
-    return sum;
-}
-
 }  // namespace
 
 std::vector<TimedPose> apply(const Similarity& S_G_E, const std::vector<TimedPose>& estimate) {
@@ -241,17 +235,30 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
     e.estimated_poses = static_cast<int>(estimate.size());
     e.associated_poses = static_cast<int>(pairs.size());
     e.duration_s = to_seconds(pairs.back().t - pairs.front().t);
-    e.estimate_path_length = length(p_E);
-    e.truth_path_length = length(p_G);
+    e.estimate_path_length = path_length(p_E);
+    e.truth_path_length = path_length(p_G);
     e.completion = completion(estimate, options.images);
-    e.scale_error = scale_error(p_E, p_G);
+    if (options.estimate_has_scale) {
+        // Who asks for Sim(3) may have an estimate without scale.
+        if (const auto unit = other_unit(p_E, p_G)) {
+            if (options.alignment != AlignmentKind::kSim3)
+                throw InputError(options.estimate_name + " against " + options.truth_name + ": " +
+                                 *unit);
+            e.warnings.push_back(*unit);
+        }
+        e.scale_error = scale_error(p_E, p_G);
+    }
     if (covariances && e.has_rotation) e.nees = nees(pairs, *covariances);
 
     e.alignment = align(p_E, p_G, options.alignment);
     require_determined(e.alignment, options);
     for (PosePair& pair : pairs) pair.estimate = e.alignment.S_G_E * pair.estimate;
     measure_poses(pairs, e);
-    if (e.has_rotation) measure_steps(pairs, options, e);
+    if (e.has_rotation) {
+        measure_steps(pairs, options, e);
+        if (const auto attitude = other_attitude(pairs, options.T_B_T.R))
+            e.warnings.push_back(*attitude);
+    }
     add_warnings(e);
     return e;
 }

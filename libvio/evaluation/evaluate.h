@@ -28,6 +28,7 @@ struct EvaluationOptions {
     double time_offset_s = 0;         ///< t_truth = t_estimate + time_offset
     double time_offset_search_s = 0;  ///< above 0: the offset is estimated, within +- this
     Pose T_B_T;  ///< pose of what the truth tracks, in the estimate's body frame
+    bool estimate_has_scale = true;  ///< false (image-only): the scale error (27) has no meaning
     bool truth_has_attitude = true;  ///< false: rotations and steps are not judged
     ExpectedImages images;
     /// Lengths of the relative pose error. Distances left empty: 10, 20, 30, 40 and 50 % of the
@@ -92,8 +93,8 @@ struct Evaluation {
 
 /// Associates, aligns and measures. covariances, if given, are those of the estimated poses (one
 /// each, in the tangent order of Pose). Throws InputError (one line) for an estimate or truth that
-/// check_trajectory() refuses, no overlap in time, one pose, or a path that leaves the alignment
-/// undetermined (a straight line with SE(3) or Sim(3), one place).
+/// check_trajectory() refuses, no overlap in time, one pose, a truth in another unit, or a path
+/// that leaves the alignment undetermined (a straight line with SE(3) or Sim(3), one place).
 Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<TimedPose>& truth,
                     const EvaluationOptions& options = {},
                     const std::optional<std::vector<Matrix6d>>& covariances = std::nullopt);

@@ -73,11 +73,10 @@ ErrorStatistics statistics(std::vector<double> errors) {
     return s;
 }
 
-double path_length(const std::vector<TimedPose>& trajectory) {
-    double length = 0;
-    for (size_t i = 1; i < trajectory.size(); ++i)
-        length += (trajectory[i].T_W_B.p - trajectory[i - 1].T_W_B.p).norm();
-    return length;
+double path_length(const Eigen::Matrix3Xd& points) {
+    const Eigen::Index steps = points.cols() - 1;
+    if (steps < 1) return 0;
+    return (points.rightCols(steps) - points.leftCols(steps)).colwise().norm().sum();
 }
 
 double rotation_angle(const Eigen::Matrix3d& R) {

@@ -16,8 +16,8 @@ struct ErrorStatistics {
 /// std_dev is that of the population (divided by n), the median of an even number the mean of two.
 ErrorStatistics statistics(std::vector<double> errors);
 
-/// Length of the path through the truth or the estimate of the pairs [m].
-double path_length(const std::vector<TimedPose>& trajectory);
+/// Length of the path through points [m].
+double path_length(const Eigen::Matrix3Xd& points);
 
 /// Angle of a rotation [rad], in [0, pi].
 double rotation_angle(const Eigen::Matrix3d& R);

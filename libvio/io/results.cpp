@@ -65,6 +65,17 @@ void read_states(const std::string& file, Estimate& estimate) {
     }
 }
 
+void read_innovations(const std::string& file, Estimate& estimate) {
+    TextRows rows(file);
+    while (rows.next()) {
+        rows.require(10);
+        const auto count = [&](size_t field) { return static_cast<int>(rows.integer(field)); };
+        estimate.innovations.push_back({rows.seconds(0), count(1), count(2), count(3), count(4),
+                                        rows.number(5), rows.number(6), count(7), rows.number(8),
+                                        count(9)});
+    }
+}
+
 void read_summary(const std::string& file, Estimate& estimate) {
     try {
         const auto json = nlohmann::json::parse(read_text(file));
@@ -120,6 +131,7 @@ Estimate read_results(const std::string& folder) {
     };
     optional("trajectory_cov.txt", read_covariances);
     optional("states.csv", read_states);
+    optional("innovations.csv", read_innovations);
     if (fs::exists(file("landmarks.ply"))) estimate.landmarks = read_ply(file("landmarks.ply"));
     optional("summary.json", read_summary);
     return estimate;

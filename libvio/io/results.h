@@ -31,9 +31,9 @@ void check_results_folder(const std::string& folder, bool overwrite);
 void write_results(const std::string& folder, const Results& results, bool overwrite = false);
 
 /// Reads an estimate back from trajectory.tum (required), trajectory_cov.txt, states.csv,
-/// landmarks.ply and summary.json (each optional: what it holds is left at its default).
-/// Covariances of velocity and biases come back as their diagonals, without correlations. Throws
-/// InputError (file and line) for a missing trajectory or malformed content.
+/// innovations.csv, landmarks.ply and summary.json (each optional: what it holds is left at its
+/// default). Covariances of velocity and biases come back as their diagonals, without correlations.
+/// Throws InputError (file and line) for a missing trajectory or malformed content.
 Estimate read_results(const std::string& folder);
 
 /// The calibration that the run used, from calibration.ini; a rig without a camera where there is

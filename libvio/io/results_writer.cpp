@@ -99,13 +99,31 @@ std::string interpolator_row(const StateEstimate& state) {
     return text + '\n';
 }
 
-/// The four files that hold a row for each state.
+// Of the recursive estimator; the batch has none, and no such file.
+const char* const kInnovationsHeader =
+    "# What each image told the filter beyond what its state expected; the normalised ones are\n"
+    "# r^T S^-1 r, expected: dof.\n"
+    "# t[s],landmarks,landmarks_rejected,new_points,new_points_rejected,rms[px],normalised,dof,"
+    "readings_normalised,readings_dof\n";
+
+std::string innovations_row(const ImageInnovations& i) {
+    std::string text = format_seconds(i.t);
+    for (const int count : {i.landmarks, i.landmarks_rejected, i.new_points, i.new_points_rejected})
+        text += ',' + std::to_string(count);
+    text += ',' + format(i.rms_px) + ',' + format(i.normalised) + ',' + std::to_string(i.dof);
+    return text + ',' + format(i.readings_normalised) + ',' + std::to_string(i.readings_dof) + '\n';
+}
+
+/// The four files that hold a row for each state, and the one with a row for each innovation.
 struct PathFiles {
     explicit PathFiles(const fs::path& folder)
         : poses(folder / "trajectory.tum", tum_header("T_W_B, estimate")),
           covariances(folder / "trajectory_cov.txt", kCovarianceHeader),
           interpolator(folder / "trajectory.txt", kInterpolatorHeader),
-          states(folder / "states.csv", states_header()) {}
+          states(folder / "states.csv", states_header()),
+          innovations_file(folder / "innovations.csv") {
+        fs::remove(innovations_file);
+    }
 
     // Poses first: a row of the others belongs to one of them.
     void append(const Estimate& piece) {
@@ -120,9 +138,16 @@ struct PathFiles {
         covariances.append(text[1]);
         interpolator.append(text[2]);
         states.append(text[3]);
+        if (piece.innovations.empty()) return;
+        if (!innovations) innovations.emplace(innovations_file, kInnovationsHeader);
+        std::string rows;
+        for (const ImageInnovations& row : piece.innovations) rows += innovations_row(row);
+        innovations->append(rows);
     }
 
     GrowingText poses, covariances, interpolator, states;
+    fs::path innovations_file;
+    std::optional<GrowingText> innovations;
 };
 
 }  // namespace

@@ -17,7 +17,8 @@ struct WrittenPath {
     double length = 0;  ///< [m] if the estimate has a scale
 };
 
-/// The path (trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv) grows row by row: the
+/// The path (trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv,
+/// of the filter innovations.csv) grows row by row: the
 /// files of a run that was killed are valid up to there. Landmarks and key-frames go to
 /// landmarks.partial and keyframes.partial, from which finish() makes the other files, each of
 /// which appears complete or not at all; summary.json, the last, says that the run was finished.

@@ -186,7 +186,9 @@ std::int64_t TextRows::integer(size_t field) const {
 
 TimeNs TextRows::seconds(size_t field) const {
     const auto value = parse_seconds(fields_[field]);
-    if (!value) throw error("'" + std::string(fields_[field]) + "' is not a time in seconds");
+    if (!value)
+        throw error("'" + std::string(fields_[field]) +
+                    "' is not a time in seconds; divide nanoseconds by 10^9");
     return *value;
 }
 

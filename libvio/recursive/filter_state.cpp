@@ -112,7 +112,9 @@ void FilterState::update_core(const LineariseCore& linearise, int iterations) {
         Small S = H * PHt;
         S.diagonal().array() += 1;
         llt.compute(S);
-        delta = PHt * llt.solve(residual);
+        const CoreResidual weighted = llt.solve(residual);
+        if (i == 0) innovations_.add(residual, residual.dot(weighted));
+        delta = PHt * weighted;
         core_ = moved(before, delta);
         carrier = core_carrier(delta, before, core_);
     }

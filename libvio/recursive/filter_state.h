@@ -28,6 +28,7 @@
 #include <Eigen/Dense>
 #include <functional>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "libvio/base/types.h"
@@ -60,6 +61,19 @@ struct PointRows {
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 6> J_pose, J_anchor;
     Matrix23d J_landmark;
+};
+
+/// Sums over updates of what they measured beyond what was expected.
+struct InnovationSums {
+    int dof = 0;            ///< rows
+    double squared = 0;     ///< in variances of the measurement
+    double normalised = 0;  ///< r^T S^-1 r
+
+    void add(const Eigen::Ref<const Eigen::VectorXd>& residual, double normalised_square) {
+        dof += static_cast<int>(residual.size());
+        squared += residual.squaredNorm();
+        normalised += normalised_square;
+    }
 };
 
 class FilterState {
@@ -110,6 +124,9 @@ class FilterState {
 
     /// Update with residual = H dx + unit noise; H has window_size() columns.
     void update(const Eigen::MatrixXd& H, const Eigen::VectorXd& residual);
+
+    /// Innovations of all updates since the last call, at the means before them.
+    InnovationSums take_innovations() { return std::exchange(innovations_, {}); }
 
     /// Covariance of a linear function of the window, H P H^T.
     Eigen::MatrixXd projected_covariance(const Eigen::MatrixXd& H) const;
@@ -182,6 +199,7 @@ class FilterState {
     } waiting_;
 
     std::optional<ErrorsInVariables> in_variables_;
+    InnovationSums innovations_;
 
     // Work space of updates: P H^T, its innovation covariance and factor, and L^-1 H P.
     Eigen::MatrixXd PHt_, S_, W_;

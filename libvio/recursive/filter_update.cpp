@@ -123,6 +123,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         }
         gain(rows, scale_change, reading);
         const VectorXd weighted = llt_.solve(residual);
+        if (iteration == 0) innovations_.add(residual, residual.dot(weighted));
         next.noalias() = PHt_ * weighted;
         if (in_variables_) from_noise = sensitivity_change(window_jacobian(rows), weighted);
         ++iteration;
@@ -153,6 +154,7 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     doubt_sensitivity();
     gain(H);
     const VectorXd weighted = llt_.solve(residual);
+    innovations_.add(residual, residual.dot(weighted));
     const VectorXd delta = PHt_ * weighted;
     VectorXd from_noise;
     if (in_variables_) from_noise = sensitivity_change(H, weighted);

@@ -88,6 +88,8 @@ void Iekf::Impl::take(const TimedFrame& image) {
 
 void Iekf::Impl::process_image(const TimedFrame& image) {
     image_time = image.frame.t;
+    innovations = {.t = image.frame.t};
+    take_reading_innovations();
     move_to(image.t_imu);
     abandon_if_blind(image.frame.t);
     if (!abandoned) {
@@ -99,6 +101,7 @@ void Iekf::Impl::process_image(const TimedFrame& image) {
     use_window_points();
     judge(image.frame.t);
     report(image.frame.t, used);
+    result.innovations.push_back(innovations);
     follow_keyframes(image.frame);
 }
 
@@ -165,6 +168,7 @@ Estimate Iekf::take() {
     result.states.clear();
     result.landmarks.clear();
     result.keyframe_motions.clear();
+    result.innovations.clear();
     return taken;
 }
 

@@ -53,6 +53,8 @@ struct Iekf::Impl {
     void sort_features(const FeatureFrame& frame);
     void update_known_points();
     bool sights_to_blame(const std::vector<LandmarkSight>& passed) const;
+    void take_reading_innovations();
+    void take_point_innovations();
     void drop_lost_points();
     void hold_at_rest();
     void use_window_points();
@@ -99,6 +101,7 @@ struct Iekf::Impl {
     std::vector<LandmarkSight> known;
     int used = 0;
     bool contradicted = false;
+    ImageInnovations innovations;
     std::vector<FeatureId> rejected;  // not yet taken by the caller
 
     // Health.

@@ -98,6 +98,27 @@ void Iekf::Impl::update_known_points() {
     if (!passed.empty())
         update_landmarks(*state, passed, *rig.camera, T_I_C, options.max_iterations);
     used = static_cast<int>(passed.size());
+    innovations.landmarks = static_cast<int>(known.size());
+    innovations.landmarks_rejected = innovations.landmarks - used;
+    take_point_innovations();
+}
+
+void Iekf::Impl::take_reading_innovations() {
+    const InnovationSums sums = state->take_innovations();
+    innovations.readings_normalised = sums.normalised;
+    innovations.readings_dof = sums.dof;
+}
+
+// Adds those of the updates since the last call.
+void Iekf::Impl::take_point_innovations() {
+    const InnovationSums sums = state->take_innovations();
+    if (sums.dof == 0) return;
+    ImageInnovations& all = innovations;
+    const double squared =
+        all.dof * all.rms_px * all.rms_px + sums.squared * options.sigma_px * options.sigma_px;
+    all.dof += sums.dof;
+    all.normalised += sums.normalised;
+    all.rms_px = std::sqrt(squared / all.dof);
 }
 
 void Iekf::Impl::drop_lost_points() {
@@ -116,6 +137,7 @@ void Iekf::Impl::hold_at_rest() {
     const int before = state->find_clone(image_idx - 1);
     if (!use_imu || !rest.at_rest() || before < 0) return;
     update_at_rest(*state, before, options.gate);
+    state->take_innovations();  // it measures nothing
 }
 
 void Iekf::Impl::use_window_points() {
@@ -126,10 +148,15 @@ void Iekf::Impl::use_window_points() {
         if (oldest < 0 || clone.image_idx < oldest) oldest = clone.image_idx;
     }
     const bool full = alive > options.clones;
-    if (abandoned)
+    if (abandoned) {
         used = 0;
-    else
-        used += window.use(*state, image_idx, full ? oldest : -1).used;
+    } else {
+        const Window::Outcome outcome = window.use(*state, image_idx, full ? oldest : -1);
+        used += outcome.used;
+        innovations.new_points = outcome.used + outcome.rejected;
+        innovations.new_points_rejected = outcome.rejected;
+        take_point_innovations();
+    }
     if (full) {
         window.forget_image(oldest);
         release(state->find_clone(oldest));

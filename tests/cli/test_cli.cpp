@@ -165,15 +165,21 @@ TEST_F(Cli, EvaluateTellsBadTrajectories) {
     expect_error("evaluate " + good + " --against " + good + " --tracked 1 2 3 4", {"--tracked"});
 }
 
-TEST_F(Cli, EvaluatePointsOutTruthInOtherUnits) {
+TEST_F(Cli, EvaluateRefusesTruthInOtherUnits) {
     write_text(folder_ / "metres.tum", tum_rows(100, 30));
     write_text(folder_ / "millimetres.tum", tum_rows(100, 30, 1000));
-    const ProgramResult result =
-        run("evaluate " + folder_ / "metres.tum" + " --against " + folder_ / "millimetres.tum");
+    const std::string command =
+        "evaluate " + folder_ / "metres.tum" + " --against " + folder_ / "millimetres.tum";
+    expect_error(command, {"millimetres.tum", "seem to be in millimetres", "give both in metres"});
+    // An estimate may have no scale: then it is a note.
+    const ProgramResult result = run(command + " --align sim3");
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_NE(result.out.find("0.001 times as large as the truth; check the unit"),
-              std::string::npos)
-        << result.out;
+    EXPECT_NE(result.out.find("seem to be in millimetres"), std::string::npos) << result.out;
+    std::string nanoseconds = tum_rows(100, 30);
+    nanoseconds.replace(0, 3, "1403636579763555584");
+    write_text(folder_ / "ns.tum", nanoseconds);
+    expect_error("evaluate " + folder_ / "metres.tum" + " --against " + folder_ / "ns.tum",
+                 {"ns.tum", "(line 1)", "nanoseconds"});
 }
 
 TEST_F(Cli, EvaluateSetsSeveralResultsBesideEachOther) {
@@ -213,6 +219,24 @@ TEST_F(Cli, SweepRunsEveryCombinationOnceAndResumes) {
     EXPECT_FALSE(read_text(out + "/sweep.csv").empty());
 }
 
+TEST_F(Cli, SweepRunsAgainWhatAChangedFileTakesPartIn) {
+    const std::string config = folder_ / "sweep.ini", out = folder_ / "sweep";
+    write_text(folder_ / "base.ini", "[scenario]\ninclude = " + small_scenario() + "\n");
+    write_text(folder_ / "arm.ini", "[scenario]\ninclude = base.ini\n");
+    write_text(config, "[sweep]\nsimulate = " + folder_ / "arm.ini" +
+                           " --set images.render=false\nrun = --estimator iekf --set "
+                           "iekf.prefix_images={prefix}\n[vary]\nprefix = 40\n");
+    const auto waiting = [&] {
+        const std::string lines = run("sweep " + config + " -o " + out + " --list").out;
+        return std::count(lines.begin(), lines.end(), '\n');
+    };
+    EXPECT_EQ(run("sweep " + config + " -o " + out).exit_code, 0);
+    EXPECT_EQ(waiting(), 0);
+    write_text(folder_ / "base.ini",
+               "[scenario]\ninclude = " + small_scenario() + "\n[tracks]\nnoise = 1\n");
+    EXPECT_EQ(waiting(), 1);
+}
+
 TEST_F(Cli, SweepTellsBadConfigurations) {
     const std::string config = folder_ / "sweep.ini", out = " -o " + folder_ / "sweep";
     expect_error("sweep " + config + out, {config, "no such file"});
@@ -240,13 +264,14 @@ TEST_F(Cli, ReportIsOneFileWithoutReferencesOutOfIt) {
         run("simulate " + small_scenario() + " --set images.render=false -o " + stem + ".rawlog")
             .exit_code,
         0);
-    ASSERT_EQ(run("run " + stem + ".rawlog --estimator batch" + output()).exit_code, 0);
+    ASSERT_EQ(run("run " + stem + ".rawlog --estimator iekf" + output()).exit_code, 0);
     const ProgramResult result =
         run("report " + folder_ / "out" + " --against " + stem + ".truth.tum");
     EXPECT_EQ(result.exit_code, 0) << result.err;
     const std::string page = read_text(folder_ / "out" + "/report.html");
-    for (const char* part : {"Path", "Errors over time", "3 sigma", "gyro bias", "Gravity",
-                             "features used", "estimation [s]", "Options as used"})
+    for (const char* part :
+         {"Path", "Errors over time", "3 sigma", "gyro bias", "gravity in W", "features used",
+          "normalised innovation", "Timing", "prefers-color-scheme:dark", "Options as used"})
         EXPECT_NE(page.find(part), std::string::npos) << part;
     for (const char* reference : {"<link", "<script", "src=\"http", "url(http"})
         EXPECT_EQ(page.find(reference), std::string::npos) << reference;

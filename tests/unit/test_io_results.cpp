@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <tuple>
 
 #include "libvio/base/errors.h"
 #include "libvio/camera/perspective.h"
@@ -34,6 +35,9 @@ Results made_results() {
         state.features = 10 + i;
         state.lost = i == 3;
         results.estimate.states.push_back(state);
+        if (i > 1)
+            results.estimate.innovations.push_back(
+                {state.t, 20 + i, i, 4, 1, 0.7 / i, 41.5 + i, 40 + i, 0.1 * i, 6 * i});
         FeatureFrame frame{state.t, {}};
         for (int k = 0; k < 4; ++k)
             frame.features.push_back({3 * i + k, {10.5 * k, 20}, Eigen::Matrix2d::Identity()});
@@ -71,6 +75,15 @@ TEST(Results, ComeBackAsTheyWereWritten) {
         EXPECT_LT((a.covariance.diagonal() - b.covariance.diagonal()).norm(), 1e-15);
         EXPECT_EQ(a.lost, b.lost);
         EXPECT_EQ(a.features, b.features);
+    }
+    ASSERT_EQ(back.innovations.size(), 3u);
+    for (size_t i = 0; i < 3; ++i) {
+        const ImageInnovations &a = results.estimate.innovations[i], &b = back.innovations[i];
+        EXPECT_EQ(
+            std::tie(a.t, a.landmarks, a.landmarks_rejected, a.new_points, a.new_points_rejected,
+                     a.rms_px, a.normalised, a.dof, a.readings_normalised, a.readings_dof),
+            std::tie(b.t, b.landmarks, b.landmarks_rejected, b.new_points, b.new_points_rejected,
+                     b.rms_px, b.normalised, b.dof, b.readings_normalised, b.readings_dof));
     }
     ASSERT_EQ(back.landmarks.size(), 3u);
     EXPECT_EQ(back.landmarks[2].id, 14);
@@ -177,6 +190,8 @@ TEST(ResultsWriter, GrowsByValidRowsToTheSameFiles) {
     for (size_t i = 0; i < results.estimate.states.size(); ++i) {
         writer.add_keyframe(results.keyframes[i]);
         piece.states = {results.estimate.states[i]};
+        piece.innovations.clear();
+        if (i > 1) piece.innovations = {results.estimate.innovations[i - 2]};
         // Landmarks come when the estimator lets go of them, some a second time.
         piece.landmarks.clear();
         if (i == 0) piece.landmarks = {{14, {9, 9, 9}, Eigen::Matrix3d::Identity(), 1}};
@@ -197,7 +212,7 @@ TEST(ResultsWriter, GrowsByValidRowsToTheSameFiles) {
         EXPECT_EQ(read_text(entry.path()), read_text(scratch / "pieces" + "/" + name)) << name;
         ++files;
     }
-    EXPECT_EQ(files, 10);
+    EXPECT_EQ(files, 11);
     EXPECT_FALSE(std::filesystem::exists(scratch / "pieces/landmarks.partial"));
 }
 
