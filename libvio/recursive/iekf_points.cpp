@@ -1,5 +1,6 @@
 // What an image does to the state: known points, points of the window.
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "libvio/recursive/iekf_impl.h"
