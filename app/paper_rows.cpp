@@ -120,6 +120,23 @@ std::string comparison_text(const std::vector<const Metric*>& errors, const Pape
     return text;
 }
 
+// What the filter itself told of trouble; nothing if it ran through.
+std::string trouble_text(const std::vector<Outcome>& outcomes) {
+    size_t troubled = 0;
+    std::string first;
+    for (const Outcome& outcome : outcomes) {
+        std::string text;
+        for (const auto& event : outcome.summary.value("events", nlohmann::json::array()))
+            if (text.empty() && event.value("text", "").rfind("started", 0) != 0)
+                text = event.value("text", "");
+        troubled += !text.empty();
+        if (first.empty()) first = text;
+    }
+    if (troubled == 0) return "";
+    return "The estimator tells of trouble in " + std::to_string(troubled) + " of " +
+           std::to_string(outcomes.size()) + ", first: " + first;
+}
+
 // Where the figures above the paper's come from: the recordings, or the estimate.
 std::string explanation(const std::vector<Outcome>& outcomes,
                         const std::vector<const Metric*>& above, const PaperValues& paper,
@@ -135,10 +152,10 @@ std::string explanation(const std::vector<Outcome>& outcomes,
     if (ours.failed > 0)
         sentences.push_back(std::to_string(ours.failed) + " of " + std::to_string(ours.runs) +
                             " give no estimate: " + ours.message);
-    if (!errors.empty()) {
-        const std::string others = comparison_text(errors, paper, reasons);
-        if (!others.empty()) sentences.push_back(others);
-    }
+    if (!errors.empty())
+        for (const std::string& sentence :
+             {trouble_text(outcomes), comparison_text(errors, paper, reasons)})
+            if (!sentence.empty()) sentences.push_back(sentence);
     const Measures loose = measure(reasons.looser);
     if (errors.size() < above.size() && loose.any())
         sentences.push_back(
