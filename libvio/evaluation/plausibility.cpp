@@ -57,7 +57,7 @@ std::optional<std::string> other_unit(const Eigen::Matrix3Xd& p_E, const Eigen::
 std::optional<std::string> other_attitude(const std::vector<PosePair>& aligned,
                                           const Eigen::Matrix3d& R_B_T) {
     constexpr double kTurned = 10 * M_PI / 180, kWrong = 30 * M_PI / 180;
-    constexpr double kConstant = 0.25, kSamePlace = 0.1;
+    constexpr double kConstant = 5 * M_PI / 180, kSamePlace = 0.1;
     std::vector<Eigen::Matrix3d> turns;  // from the estimate's frame to the truth's
     Eigen::Matrix3Xd p_G(3, static_cast<Eigen::Index>(aligned.size()));
     double angle = 0, distance2 = 0;
@@ -74,7 +74,7 @@ std::optional<std::string> other_attitude(const std::vector<PosePair>& aligned,
     for (const Eigen::Matrix3d& R : turns)
         rest += rotation_angle(turn.transpose() * R) / static_cast<double>(aligned.size());
     char text[240];
-    if (rest < kConstant * angle) {
+    if (rest < kConstant && rest < angle / 2) {
         const Eigen::Matrix3d R = R_B_T * turn;
         std::snprintf(text, sizeof(text),
                       "the truth's frame is turned against the body's by %.2f deg (beside it they "
