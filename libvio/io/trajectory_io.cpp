@@ -95,7 +95,8 @@ std::vector<TimedPose> read_trajectory(const std::string& file) {
         if (!layout) layout = layout_of(row);
         const TimedPose pose = parse_pose(row, *layout);
         if (*layout != Layout::kKitti && !poses.empty() && pose.t <= poses.back().t)
-            throw row.error("the time stamp is not later than the one before; sort the rows by time");
+            throw row.error(
+                "the time stamp is not later than the one before; sort the rows by time");
         poses.push_back(pose);
     }
     if (poses.empty())
