@@ -65,6 +65,7 @@ class Batch final : public Estimator {
     bool converged() const override { return result_.report.converged; }
     int iterations() const override { return result_.report.iterations; }
     std::vector<FeatureId> take_rejected() override { return {}; }
+    std::vector<PredictedFeature> predict(TimeNs) const override { return {}; }
 
  private:
     // Grows the estimate from a prefix instead; keeps what there is if that is no better.
@@ -105,6 +106,7 @@ class Recursive final : public Estimator {
     bool converged() const override { return started_; }
     int iterations() const override { return 0; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
+    std::vector<PredictedFeature> predict(TimeNs t) const override { return filter_.predict(t); }
 
  private:
     Iekf filter_;

@@ -35,6 +35,8 @@ class Estimator {
     virtual int iterations() const = 0;
     /// Features found to be tracked wrongly since the last call.
     virtual std::vector<FeatureId> take_rejected() = 0;
+    /// Where features will be in an image at time t; nothing of the batch estimator.
+    virtual std::vector<PredictedFeature> predict(TimeNs t) const = 0;
 };
 
 /// The estimator that the request names.

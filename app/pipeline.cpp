@@ -144,7 +144,9 @@ class Course {
           use_imu_(request.use_imu),
           has_tracks_(has_tracks),
           time_offset_(from_seconds(rig.time_offset)),
-          report_(report) {}
+          report_(report) {
+        front_end_.set_predictor([this](TimeNs t) { return estimator_->predict(t); });
+    }
 
     void add(const Message& message) {
         if (const auto* reading = std::get_if<ImuReading>(&message)) {

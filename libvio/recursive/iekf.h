@@ -10,6 +10,7 @@
 #include "libvio/batch/batch.h"
 #include "libvio/camera/rig.h"
 #include "libvio/recursive/filter_state.h"
+#include "libvio/tracking/predicted_feature.h"
 
 namespace vio {
 
@@ -86,6 +87,11 @@ class Iekf {
     /// Features given up since the last call because their innovations failed the gate again and
     /// again: their tracks are wrong.
     std::vector<FeatureId> take_rejected();
+
+    /// Where the landmarks of the state will be seen in an image at time t [ns] on the camera's
+    /// clock: the state moved there by the readings that have been added. Nothing while there is no
+    /// state, it is lost, or it is later than t.
+    std::vector<PredictedFeature> predict(TimeNs t) const;
 
     const std::vector<StatusEntry>& status() const;
 

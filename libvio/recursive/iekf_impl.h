@@ -1,6 +1,6 @@
 // The inside of the recursive estimator: what it holds and the steps of its course. The course is
-// in iekf.cpp; the steps are in iekf_start.cpp, iekf_points.cpp, iekf_health.cpp and
-// iekf_output.cpp.
+// in iekf.cpp; the steps are in iekf_start.cpp, iekf_points.cpp, iekf_health.cpp, iekf_output.cpp
+// and iekf_prediction.cpp.
 #pragma once
 
 #include <deque>
@@ -70,6 +70,7 @@ struct Iekf::Impl {
     void report(TimeNs t, int features);
     void follow_keyframes(const FeatureFrame& frame);
     void end_keyframe();
+    std::vector<PredictedFeature> predict(TimeNs t_imu) const;
     void note_landmark(int idx);
     void give_up(const std::vector<bool>& remove);
     void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }

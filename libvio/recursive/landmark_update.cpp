@@ -21,6 +21,22 @@ std::optional<PointRows> rows_of(const LandmarkSight& s, const AnchoredPoint& po
     return rows;
 }
 
+// Covariance of the landmark's whitened prediction.
+Eigen::Matrix2d prediction_covariance(const FilterState& state, const PointRows& rows) {
+    const auto P = state.covariance();
+    Eigen::Matrix<double, 2, 15> J;
+    J << rows.J_pose, rows.J_anchor, rows.J_landmark;
+    const int anchor = state.landmarks()[rows.landmark_idx].anchor;
+    const int offset[] = {0, state.clone_offset(anchor), state.landmark_offset(rows.landmark_idx)};
+    const int own[] = {0, 6, 12}, size[] = {6, 6, 3};
+    Eigen::Matrix<double, 15, 15> P_own;
+    for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b)
+            P_own.block(own[a], own[b], size[a], size[b]) =
+                P.block(offset[a], offset[b], size[a], size[b]);
+    return J * P_own * J.transpose();
+}
+
 }  // namespace
 
 std::vector<LandmarkSight> gated_sights(const FilterState& state,
@@ -28,23 +44,12 @@ std::vector<LandmarkSight> gated_sights(const FilterState& state,
                                         const Camera& camera, const Pose& T_I_C, double gate) {
     const Pose T_C_I = T_I_C.inverse();
     std::vector<LandmarkSight> passed;
-    const auto P = state.covariance();
     for (const LandmarkSight& s : sights) {
         const LandmarkState& landmark = state.landmarks()[s.landmark_idx];
         const auto rows = rows_of(s, landmark.point, state.core().T_W_I,
                                   state.clones()[landmark.anchor].T_W_I, camera, T_I_C, T_C_I);
         if (!rows) continue;
-        Eigen::Matrix<double, 2, 15> J;
-        J << rows->J_pose, rows->J_anchor, rows->J_landmark;
-        const int offset[] = {0, state.clone_offset(landmark.anchor),
-                              state.landmark_offset(s.landmark_idx)};
-        const int own[] = {0, 6, 12}, size[] = {6, 6, 3};
-        Eigen::Matrix<double, 15, 15> P_own;
-        for (int a = 0; a < 3; ++a)
-            for (int b = 0; b < 3; ++b)
-                P_own.block(own[a], own[b], size[a], size[b]) =
-                    P.block(offset[a], offset[b], size[a], size[b]);
-        const Eigen::Matrix2d S = J * P_own * J.transpose() + Eigen::Matrix2d::Identity();
+        const Eigen::Matrix2d S = prediction_covariance(state, *rows) + Eigen::Matrix2d::Identity();
         const double distance2 = rows->residual.dot(S.inverse() * rows->residual);
         if (distance2 < gate) passed.push_back(s);
     }
@@ -99,6 +104,21 @@ std::vector<LandmarkSight> agreeing_sights(const FilterState& state,
         if (fit.segment<2>(2 * i).squaredNorm() < gate)
             agree.push_back(seen[static_cast<std::size_t>(i)]);
     return agree;
+}
+
+std::vector<PredictedFeature> predicted_features(const FilterState& state, const Camera& camera,
+                                                 const Pose& T_I_C) {
+    const Pose T_C_I = T_I_C.inverse();
+    std::vector<PredictedFeature> features;
+    for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
+        const LandmarkState& landmark = state.landmarks()[i];
+        // Against a sight at the image's origin, so that the residual is minus the prediction.
+        const auto rows = rows_of({i, Sight{}}, landmark.point, state.core().T_W_I,
+                                  state.clones()[landmark.anchor].T_W_I, camera, T_I_C, T_C_I);
+        if (rows)
+            features.push_back({landmark.id, -rows->residual, prediction_covariance(state, *rows)});
+    }
+    return features;
 }
 
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,

@@ -5,6 +5,7 @@
 
 #include "libvio/recursive/filter_state.h"
 #include "libvio/recursive/observation.h"
+#include "libvio/tracking/predicted_feature.h"
 
 namespace vio {
 
@@ -25,6 +26,10 @@ std::vector<LandmarkSight> agreeing_sights(const FilterState& state,
                                            const std::vector<LandmarkSight>& sights,
                                            const Camera& camera, const Pose& T_I_C, double gate,
                                            double rotation, double position);
+
+/// Where the camera sees the landmarks from the core pose; those that it does not see are left out.
+std::vector<PredictedFeature> predicted_features(const FilterState& state, const Camera& camera,
+                                                 const Pose& T_I_C);
 
 /// Iterated update with all sights jointly.
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,

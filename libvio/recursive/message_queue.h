@@ -56,6 +56,8 @@ class MessageQueue {
                            : released(readings_, released_reading_);
     }
 
+    /// Readings that wait, in order of time.
+    const std::deque<ImuReading>& readings() const { return readings_; }
     /// Earliest reading that waits.
     const ImuReading* next_reading() const {
         return readings_.empty() ? nullptr : &readings_.front();

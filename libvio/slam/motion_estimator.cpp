@@ -91,6 +91,8 @@ void MotionEstimator::Impl::begin() {
     // Of the batch, at most the start.
     if (kind == Kind::kRecursive || settings.batch.start == "iekf")
         filter.emplace(sensors.rig, settings.iekf, settings.batch, settings.use_imu);
+    if (kind == Kind::kRecursive)
+        front_end->set_predictor([this](TimeNs t) { return filter->predict(t); });
     problem.rig = sensors.rig;
     for (const Message& message : waiting) take(message);
     waiting.clear();

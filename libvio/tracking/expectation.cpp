@@ -1,6 +1,7 @@
 #include "libvio/tracking/expectation.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "libvio/base/median.h"
@@ -13,6 +14,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 
 constexpr double kFar = 1e3;  // [m]: rotation alone moves what is as far as this
+// A prediction less certain than this is of no use; that of a certain one is wrong by this much.
+constexpr double kWidest_px = 8, kSight_px = 1;
 
 // As far points move.
 Expectation turned(const Track& track, const Camera& camera,
@@ -37,7 +40,8 @@ Expectation turned(const Track& track, const Camera& camera,
 }  // namespace
 
 void expect(std::vector<Track>& tracks, const Camera& camera,
-            const std::optional<Matrix3d>& R_C1_C2, double dt) {
+            const std::optional<Matrix3d>& R_C1_C2, double dt,
+            const std::vector<PredictedFeature>& predicted) {
     std::vector<std::size_t> known;
     for (std::size_t i = 0; i < tracks.size(); ++i) {
         tracks[i].expected = turned(tracks[i], camera, R_C1_C2);
@@ -49,6 +53,18 @@ void expect(std::vector<Track>& tracks, const Camera& camera,
         rates.push_back(track.parallax.value_or(nearest_median(
             tracks, track.expected.uv, known, [](const Track& other) { return *other.parallax; })));
     for (std::size_t i = 0; i < tracks.size(); ++i) tracks[i].expected.uv += dt * rates[i];
+
+    std::map<FeatureId, Track*> by_id;
+    if (!predicted.empty())
+        for (Track& track : tracks) by_id[track.id] = &track;
+    for (const PredictedFeature& feature : predicted) {
+        const auto track = by_id.find(feature.id);
+        if (track == by_id.end()) continue;
+        if (!(feature.covariance.trace() < 2 * kWidest_px * kWidest_px)) continue;
+        track->second->expected.uv = feature.uv_px;
+        track->second->expected.region =
+            feature.covariance + kSight_px * kSight_px * Matrix2d::Identity();
+    }
 }
 
 Vector2d nearest_median(const std::vector<Track>& tracks, const Vector2d& uv,

@@ -13,6 +13,7 @@ using Eigen::Vector2d;
 
 constexpr double kMostStretch = 2;  // of a look, before it is renewed
 constexpr double kSearch_px2 = 4;   // variance of where a missed feature is expected
+constexpr double kRegion2 = 9;      // squared Mahalanobis distance of an ellipse's edge
 
 std::vector<cv::Point2f> to_points(const std::vector<Vector2d>& places) {
     std::vector<cv::Point2f> points;
@@ -61,11 +62,28 @@ void Follower::align(std::vector<Track>& tracks, TrackerReport& report) const {
         if (options_.realign) track.seen = align(track, track.uv);
         report.lost_look += !track.seen;
         if (track.seen) track.seen = admissible(track);
-        if (track.seen) renew_look(track);
+        if (track.seen && options_.renew_looks) renew_look(track);
     }
 }
 
-// They are expected to have moved against the far scene as their neighbours did.
+void Follower::hold_to_regions(std::vector<Track>& tracks) const {
+    std::vector<Track*> outside;
+    int told = 0;
+    for (Track& track : tracks) {
+        if (!track.seen || !track.expected.region) continue;
+        ++told;
+        const Vector2d e = track.uv - track.expected.uv;
+        if (e.dot(track.expected.region->inverse() * e) > kRegion2) outside.push_back(&track);
+    }
+    if (2 * static_cast<int>(outside.size()) > told) {
+        for (Track& track : tracks) track.expected.region.reset();
+        return;
+    }
+    for (Track* track : outside) track->seen = false;
+}
+
+// Unless an estimator told, they are expected to have moved against the far scene as their
+// neighbours did.
 void Follower::search(std::vector<Track>& tracks, TrackerReport& report) const {
     std::vector<std::size_t> found;
     for (std::size_t i = 0; i < tracks.size(); ++i)
@@ -74,12 +92,14 @@ void Follower::search(std::vector<Track>& tracks, TrackerReport& report) const {
     for (Track& track : tracks) {
         Expectation& expected = track.expected;
         if (track.seen || !camera_->inside_image(expected.uv)) continue;
-        expected.uv += nearest_median(tracks, expected.uv, found, [](const Track& other) {
-            return Vector2d(other.uv - other.expected.uv);
-        });
+        if (!expected.region)
+            expected.uv += nearest_median(tracks, expected.uv, found, [](const Track& other) {
+                return Vector2d(other.uv - other.expected.uv);
+            });
         track.uv = expected.uv;
         const auto place =
-            track.look->search(half, expected.uv, expected.A, kSearch_px2 * Matrix2d::Identity());
+            track.look->search(half, expected.uv, expected.A,
+                               expected.region.value_or(kSearch_px2 * Matrix2d::Identity()));
         if (!place) continue;
         track.seen = align(track, *place) && admissible(track);
         report.found_again += track.seen;

@@ -26,7 +26,10 @@ class Follower {
     void flow(std::vector<Track>& tracks, TrackerReport& report) const;
     /// Those found with their looks: frame-to-frame tracking drifts, the look does not.
     void align(std::vector<Track>& tracks, TrackerReport& report) const;
-    /// The others, around where their neighbours let expect them.
+    /// Those outside their ellipses are taken as not found, unless most are: then it is the
+    /// estimator that errs, and its ellipses are forgotten.
+    void hold_to_regions(std::vector<Track>& tracks) const;
+    /// The others, within their ellipses or around where their neighbours let expect them.
     void search(std::vector<Track>& tracks, TrackerReport& report) const;
 
  private:

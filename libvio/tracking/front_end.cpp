@@ -48,7 +48,9 @@ FeatureFrame TrackingFrontEnd::track_first() {
     std::optional<Eigen::Matrix3d> R_C1_C2;
     if (use_gyro_ && last_image_) R_C1_C2 = camera_rotation(imu_, rig_, *last_image_, image.t);
     last_image_ = image.t;
-    FeatureFrame frame = tracker_.track(image.t, image.image, R_C1_C2);
+    FeatureFrame frame =
+        tracker_.track(image.t, image.image, R_C1_C2,
+                       predictor_ ? predictor_(image.t) : std::vector<PredictedFeature>());
     reports_.push_back(tracker_.report());
     return frame;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <vector>
 
 #include "libvio/camera/rig.h"
@@ -37,6 +38,11 @@ class TrackingFrontEnd {
     /// See FeatureTracker::end_tracks.
     void end_tracks(const std::vector<FeatureId>& ids) { tracker_.end_tracks(ids); }
 
+    /// What an estimator expects in an image at a time on the camera's clock (Iekf::predict); asked
+    /// just before the image is tracked.
+    using Predictor = std::function<std::vector<PredictedFeature>(TimeNs)>;
+    void set_predictor(Predictor predictor) { predictor_ = std::move(predictor); }
+
     FeatureTracker& tracker() { return tracker_; }
 
     /// Of the frames that the last add() or finish() tracked, one each.
@@ -51,6 +57,7 @@ class TrackingFrontEnd {
     Rig rig_;
     bool use_gyro_;
     FeatureTracker tracker_;
+    Predictor predictor_;
     ImuSequence imu_;
     std::deque<ImageMessage> waiting_;
     std::optional<TimeNs> last_image_;

@@ -22,8 +22,11 @@ bool ImagePyramid::add(const cv::Mat& image) {
     usual_brightness_ +=
         (usual_brightness_ > 0 ? kBrightnessForgetting : 1.0) * (mean[0] - usual_brightness_);
     const double gain = std::clamp(usual_brightness_ / mean[0], 1 / kMostGain, kMostGain);
-    cv::Mat even = image;
-    if (std::abs(gain - 1) > kLeastGainChange) image.convertTo(even, CV_8U, gain);
+    cv::Mat even;  // never the caller's pixels
+    if (std::abs(gain - 1) > kLeastGainChange)
+        image.convertTo(even, CV_8U, gain);
+    else
+        even = image;
     std::swap(newest_, previous_);
     // With a copy of the image: the caller may reuse his.
     cv::buildOpticalFlowPyramid(even, newest_, {window_px_, window_px_}, levels_, true,

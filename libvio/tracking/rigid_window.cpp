@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <random>
+#include <utility>
 
 #include "libvio/base/median.h"
 #include "libvio/tracking/ray_bundle.h"
@@ -15,13 +17,14 @@ using Eigen::Vector3d;
 constexpr std::size_t kFewestViews = 4;  // three free translations, two of them up to one scale
 constexpr std::size_t kFewestRays = 3;   // that say whether a point is one
 constexpr int kFewestPoints = 12;
-constexpr int kRaysPerView = 40;  // from which the poses are estimated
+constexpr int kRaysPerView = 60;  // from which the poses are estimated
 constexpr int kIterations = 6, kStartIterations = 30;
-// No error of a good feature is this many times the median of all: nine standard deviations of
-// Gaussian errors.
-constexpr double kMedians = 8;
-constexpr double kLeastLimit = 0.2;  // of it, as a share of the threshold
-constexpr double kInnerScale = 0.5;  // of the robust cost, as a share of the threshold
+// Sum of a good feature's squared errors, each in medians of its view, at most: this for each of n
+// rays and some more, since the sum of a few varies more. Gaussian errors have as much once in
+// 50,000 features of three rays; real ones are less regular.
+constexpr double kSquares = 8, kMoreRays = 1.5;
+constexpr double kLeastMedian = 0.08, kMostMedian = 0.3;  // as shares of the threshold
+constexpr double kInnerScale = 0.25;  // of the robust cost, as a share of the threshold
 
 // Of all points that enough views saw, in the order of their ids.
 RayBundle bundle_of(const std::vector<const std::map<FeatureId, Vector3d>*>& views,
@@ -38,13 +41,13 @@ RayBundle bundle_of(const std::vector<const std::map<FeatureId, Vector3d>*>& vie
     return bundle;
 }
 
-// As few of the points as give every view enough rays, those with most rays first.
+// As few of the points as give every view enough rays. In an arbitrary order: the points that are
+// seen longest are far away, and would leave the views' places to chance.
 RayBundle part_for_poses(const RayBundle& bundle) {
     std::vector<std::size_t> order(bundle.points.size());
     std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-        return bundle.points[a].rays.size() > bundle.points[b].rays.size();
-    });
+    std::mt19937 random(1);
+    for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random() % i]);
     RayBundle part{bundle.T_W_C, {}, bundle.scale};
     std::vector<int> rays(bundle.T_W_C.size(), 0);
     for (const std::size_t i : order) {
@@ -57,11 +60,28 @@ RayBundle part_for_poses(const RayBundle& bundle) {
     return part;
 }
 
-// Angular errors of a point's rays [rad].
-std::vector<double> errors(const RayBundle& bundle, const RayBundle::Point& point) {
-    std::vector<double> result;
-    for (const RayBundle::Ray& ray : point.rays) result.push_back(bundle.error(ray, point.h));
-    return result;
+// Usual angular error in each view [rad]. What some views' places lack is no feature's fault.
+std::vector<double> usual_errors(const RayBundle& bundle, double threshold) {
+    std::vector<std::vector<double>> of_view(bundle.T_W_C.size());
+    for (const RayBundle::Point& point : bundle.points)
+        for (const RayBundle::Ray& ray : point.rays)
+            of_view[ray.view_idx].push_back(bundle.error(ray, point.h));
+    std::vector<double> usual;
+    for (std::vector<double>& errors : of_view)
+        usual.push_back(std::clamp(errors.empty() ? 0 : median(std::move(errors)),
+                                   kLeastMedian * threshold, kMostMedian * threshold));
+    return usual;
+}
+
+// Whether a point's rays miss it by too much, together: a single one may.
+bool misses(const RayBundle& bundle, const RayBundle::Point& point,
+            const std::vector<double>& usual) {
+    double sum = 0;
+    for (const RayBundle::Ray& ray : point.rays) {
+        const double e = bundle.error(ray, point.h) / usual[ray.view_idx];
+        sum += e * e;
+    }
+    return sum > kSquares * (static_cast<double>(point.rays.size()) + kMoreRays);
 }
 
 }  // namespace
@@ -134,18 +154,11 @@ std::vector<FeatureId> RigidWindow::judge() {
     part.minimize(warm ? kIterations : kStartIterations);
     bundle.T_W_C = std::move(part.T_W_C);
 
-    std::vector<double> all, worst;
-    for (RayBundle::Point& point : bundle.points) {
-        bundle.triangulate(point);
-        const std::vector<double> of_point = errors(bundle, point);
-        worst.push_back(*std::max_element(of_point.begin(), of_point.end()));
-        all.insert(all.end(), of_point.begin(), of_point.end());
-    }
-    const double limit =
-        std::clamp(kMedians * median(all), kLeastLimit * options_.threshold, options_.threshold);
+    for (RayBundle::Point& point : bundle.points) bundle.triangulate(point);
+    const std::vector<double> usual = usual_errors(bundle, options_.threshold);
     std::vector<FeatureId> wrong;
     for (std::size_t i = 0; i < ids.size(); ++i)
-        if (worst[i] > limit) wrong.push_back(ids[i]);
+        if (misses(bundle, bundle.points[i], usual)) wrong.push_back(ids[i]);
     const auto judged = static_cast<int>(ids.size());
     started_ = judged >= kFewestPoints && 2 * static_cast<int>(wrong.size()) < judged;
     if (!started_) return {};

@@ -81,7 +81,8 @@ struct FeatureTracker::Impl {
     FeatureId next_id = 0;
     int ended_by_caller = 0;  // since the last image
 
-    FeatureFrame track(TimeNs t, const cv::Mat& image, const std::optional<Matrix3d>& R_given);
+    FeatureFrame track(TimeNs t, const cv::Mat& image, const std::optional<Matrix3d>& R_given,
+                       const std::vector<PredictedFeature>& predicted);
     void admit(TimeNs t, const cv::Mat& image) const;
     std::optional<Matrix3d> corrected_rotation(TimeNs t, const std::optional<Matrix3d>& R_given);
     void verify(TimeNs t, std::optional<Matrix3d> R);
@@ -97,7 +98,8 @@ struct FeatureTracker::Impl {
 
 // The whole course of one image.
 FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
-                                         const std::optional<Matrix3d>& R_given) {
+                                         const std::optional<Matrix3d>& R_given,
+                                         const std::vector<PredictedFeature>& predicted) {
     admit(t, image);
     report = {.ended_by_caller = std::exchange(ended_by_caller, 0)};
     report.before = static_cast<int>(tracks.size());
@@ -106,10 +108,11 @@ FeatureFrame FeatureTracker::Impl::track(TimeNs t, const cv::Mat& image,
     report.blank = !images.add(image);
     watch.lap(report.seconds_pyramid);
     if (report.blank) return {t, {}};
-    expect(tracks, *camera, R, to_seconds(t - last_tracked));
+    expect(tracks, *camera, R, to_seconds(t - last_tracked), predicted);
     follower.flow(tracks, report);
     watch.lap(report.seconds_flow);
     follower.align(tracks, report);
+    follower.hold_to_regions(tracks);
     follower.search(tracks, report);
     watch.lap(report.seconds_realign);
     verify(t, R);
@@ -156,6 +159,7 @@ void FeatureTracker::Impl::verify(TimeNs t, std::optional<Matrix3d> R) {
     for (Track& track : tracks) {
         if (!track.seen) continue;
         const Verdict verdict = verdicts[k++];
+        if (!options.two_views) continue;
         track.seen =
             verdict == Verdict::agrees || (verdict == Verdict::unchecked && track.missed == 0);
         report.lost_geometry += !track.seen;
@@ -268,8 +272,9 @@ FeatureTracker::FeatureTracker(const TrackerOptions& options, CameraPtr camera) 
 FeatureTracker::~FeatureTracker() = default;
 
 FeatureFrame FeatureTracker::track(TimeNs t, const cv::Mat& image,
-                                   const std::optional<Eigen::Matrix3d>& R_C1_C2) {
-    return impl_->track(t, image, R_C1_C2);
+                                   const std::optional<Eigen::Matrix3d>& R_C1_C2,
+                                   const std::vector<PredictedFeature>& predicted) {
+    return impl_->track(t, image, R_C1_C2, predicted);
 }
 
 void FeatureTracker::set_mask(const cv::Mat& mask) {

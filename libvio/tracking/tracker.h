@@ -9,6 +9,7 @@
 #include "libvio/base/options.h"
 #include "libvio/base/types.h"
 #include "libvio/camera/camera.h"
+#include "libvio/tracking/predicted_feature.h"
 
 namespace vio {
 
@@ -22,7 +23,9 @@ struct TrackerOptions {
     double geometry_px = 1.2;       ///< largest error in the geometry of two images or of more
     int long_gap = 32;              ///< images between those of the second geometric check; 0: off
     int window_images = 30;         ///< over which features must fit a rigid scene; 0: off
+    bool two_views = true;          ///< check the geometry of two images
     bool realign = true;            ///< align with the first appearance
+    bool renew_looks = true;        ///< of features that have grown or shrunk much
     double min_correlation = 0.75;  ///< with the first appearance [-]
     bool texture_covariance = false;  ///< shape of the covariance from the texture
     int seed = 1;
@@ -53,10 +56,12 @@ class FeatureTracker {
 
     /// Features of the next image (8-bit grey, size of the camera). R_C1_C2 is the rotation of the
     /// camera since the previous image (p_C1 = R_C1_C2 p_C2 for far points), from the gyro, where
-    /// known; it predicts where features have moved.
+    /// known; it predicts where features have moved. predicted: where an estimator expects some of
+    /// them; these are looked for in its ellipses only.
     /// Throws InputError for an image of another size or type, or a time that does not increase.
     FeatureFrame track(TimeNs t, const cv::Mat& image,
-                       const std::optional<Eigen::Matrix3d>& R_C1_C2 = std::nullopt);
+                       const std::optional<Eigen::Matrix3d>& R_C1_C2 = std::nullopt,
+                       const std::vector<PredictedFeature>& predicted = {});
 
     /// Region of interest: 8-bit, size of the camera, zero where features are not wanted (vehicle
     /// parts, a mirror's blind spots). Throws InputError for another size or type.

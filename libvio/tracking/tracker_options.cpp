@@ -19,7 +19,11 @@ void TrackerOptions::describe(OptionSet& options) {
                 "distance of the second geometric check (0: off)");
     options.add("window_images", &window_images, "images", {0, 300},
                 "over which each feature must fit one point of a rigid scene (0: off)");
+    options.add("two_views", &two_views,
+                "end features that disagree with the geometry of two images");
     options.add("realign", &realign, "align each feature with its first appearance");
+    options.add("renew_looks", &renew_looks,
+                "renew the appearance of a feature that has grown or shrunk twofold");
     options.add("min_correlation", &min_correlation, "", {-1, 1},
                 "smallest correlation with the first appearance");
     options.add("texture_covariance", &texture_covariance,

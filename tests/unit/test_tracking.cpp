@@ -142,6 +142,67 @@ TEST(FeatureTracker, SurvivesExposureChangeAndDarkImage) {
     EXPECT_LT(e[e.size() / 2], 0.1);
 }
 
+// What the caller gives stays his: exposure is undone in a copy.
+TEST(FeatureTracker, LeavesTheGivenImageAlone) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    tracker.track(1, view(Matrix3d::Identity()));
+    cv::Mat dimmed;
+    view(Matrix3d::Identity()).convertTo(dimmed, CV_8U, 0.6);
+    const cv::Mat given = dimmed.clone();
+    tracker.track(2, dimmed);
+    EXPECT_EQ(cv::norm(dimmed, given, cv::NORM_INF), 0);
+}
+
+// Images are missing; the gyro, with a bias, bridges the gap of 24 px and a turn.
+TEST(FeatureTracker, GoesOnAfterDroppedImages) {
+    FeatureTracker tracker(TrackerOptions{}, camera());
+    const auto attitude = [](double i) { return so3::exp(Vector3d(0.004, 0.016, 0.01) * i); };
+    std::map<FeatureId, Vector3d> truth;
+    TimeNs last = 0;
+    std::size_t expected = 0;
+    for (const int i : {0, 1, 2, 7, 8}) {
+        const Matrix3d given = attitude(last).transpose() * attitude(i) *
+                               so3::exp(Vector3d(0.0005, -0.0005, 0.0005) * (i - last));
+        const FeatureFrame frame = tracker.track(i + 1, view(attitude(i)), given);
+        if (i == 2) {
+            truth = directions(frame, attitude(i));
+            for (const auto& [id, f] : truth)
+                expected += camera()->inside_image(place(f, attitude(8)), 15);
+        }
+        last = i;
+        if (i < 7) continue;
+        const auto e = errors(frame, attitude(i), truth);
+        EXPECT_GT(static_cast<double>(e.size()), 0.9 * static_cast<double>(expected));
+        EXPECT_LT(e[e.size() / 2], 0.15);
+        EXPECT_LT(e[e.size() * 99 / 100], 1);
+    }
+}
+
+// Without a gyro the view jumps by more than a square of a checker wall. Only an estimator can tell
+// the squares apart; features that it does not speak of, and all where it is plainly wrong, are
+// found or not as without it.
+TEST(FeatureTracker, SearchesWhereTheEstimatorExpects) {
+    constexpr int kSquare = 22;
+    cv::Mat wall(900, 1100, CV_8U);
+    for (int y = 0; y < wall.rows; ++y)
+        for (int x = 0; x < wall.cols; ++x)
+            wall.at<unsigned char>(y, x) = (x / kSquare + y / kSquare) % 2 ? 190 : 60;
+    cv::GaussianBlur(wall, wall, {}, 0.8);
+    const Matrix3d R1 = Matrix3d::Identity(), R2 = so3::exp(Vector3d(0.002, 40 / kFocal, 0));
+    const auto correct = [&](const Vector2d& error_px, double sigma_px) {
+        FeatureTracker tracker(TrackerOptions{}, camera());
+        const auto truth = directions(tracker.track(1, view(R1, wall)), R1);
+        std::vector<PredictedFeature> predicted;
+        for (const auto& [id, f] : truth)
+            predicted.push_back(
+                {id, place(f, R2) + error_px, sigma_px * sigma_px * Eigen::Matrix2d::Identity()});
+        const auto e = errors(tracker.track(2, view(R2, wall), {}, predicted), R2, truth);
+        return std::count_if(e.begin(), e.end(), [](double px) { return px < 0.5; });
+    };
+    EXPECT_GT(correct({1.5, -2}, 2), 60);
+    EXPECT_LT(correct({0, 0}, 100), 10) << "knows no better than the tracker";
+}
+
 // The camera moves to the right past two walls of different depth; a part moves down.
 TEST(FeatureTracker, RejectsAPartThatMovesByItself) {
     FeatureTracker tracker(TrackerOptions{}, camera());

@@ -1,0 +1,288 @@
+// Judges feature tracks by true camera poses, and by the true scene where the
+// images were rendered.
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <opencv2/core/optim.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libvio/base/median.h"
+#include "libvio/evaluation/association.h"
+#include "libvio/geometry/alignment.h"
+#include "libvio/geometry/so3.h"
+#include "libvio/io/recording.h"
+#include "libvio/io/trajectory_io.h"
+#include "libvio/simulation/scenario.h"
+#include "libvio/tracking/tracker.h"
+#include "libvio/tracking/two_view.h"
+
+namespace track_judgement {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using vio::FeatureFrame;
+using vio::FeatureId;
+using vio::Message;
+using vio::Pose;
+using vio::TimeNs;
+
+constexpr double kGood_px = 2, kGross_px = 5;
+// What is this near the image's edge or behind something else is not expected
+// to be seen.
+constexpr double kBorder_px = 8;
+constexpr double kOcclusion_m = 0.02;
+
+using Poses = std::map<TimeNs, Pose>;
+
+struct Input {
+    vio::Rig rig;
+    std::vector<Message> messages;
+    std::vector<vio::TimedPose> images;  // of which only the time is set
+    std::vector<vio::TimedPose> truth;   // T_W_B
+    Poses T_W_C;                         // at each image with truth
+    Poses T_W_C_fitted;                  // with the truth's mounting and clock fitted
+};
+
+// What the truth's instrument and the camera may disagree in: the rotation from
+// the camera's frame to the one that the truth calls so, and the difference of
+// the clocks.
+struct Mounting {
+    Vector3d rotation = Vector3d::Zero();  // [rad]
+    double time_offset = 0;                // [s]
+};
+
+inline Poses camera_poses(const Input& input, const Mounting& mounting) {
+    constexpr TimeNs kMaxGap = 100'000'000;
+    Poses poses;
+    for (const auto& pair : vio::associate(input.images, input.truth, kMaxGap,
+                                           vio::from_seconds(mounting.time_offset))) {
+        Pose T_W_C = pair.truth * input.rig.T_B_C;
+        T_W_C.R = T_W_C.R * vio::so3::exp(mounting.rotation);
+        poses[input.images[static_cast<std::size_t>(pair.estimate_idx)].t] = T_W_C;
+    }
+    return poses;
+}
+
+inline Input read_input(const std::string& rawlog, const std::string& truth_file) {
+    vio::Recording recording(rawlog);
+    Input input{recording.rig(), {}, {}, vio::read_trajectory(truth_file), {}, {}};
+    while (auto message = recording.next()) {
+        if (const auto* image = std::get_if<vio::ImageMessage>(&*message))
+            input.images.push_back({image->t, {}});
+        input.messages.push_back(std::move(*message));
+    }
+    input.T_W_C = camera_poses(input, {});
+    return input;
+}
+
+struct Run {
+    std::vector<FeatureFrame> frames;
+    double seconds = 0;
+    vio::TrackerReport lost;  // sums over the images
+};
+
+struct Sight {
+    int frame_idx = 0;
+    Vector2d uv;
+};
+
+inline std::map<FeatureId, std::vector<Sight>> by_track(const std::vector<FeatureFrame>& frames) {
+    std::map<FeatureId, std::vector<Sight>> tracks;
+    for (int i = 0; i < static_cast<int>(frames.size()); ++i)
+        for (const auto& f : frames[i].features) tracks[f.feature_id].push_back({i, f.uv_px});
+    return tracks;
+}
+
+inline double share(const std::vector<double>& values, const std::function<bool(double)>& is) {
+    if (values.empty()) return 0;
+    return static_cast<double>(std::count_if(values.begin(), values.end(), is)) /
+           static_cast<double>(values.size());
+}
+
+struct EpipolarError {
+    double px;
+    double seconds;  // between the two sights
+};
+
+// Of every observation against the first of its track.
+inline std::vector<EpipolarError> epipolar_errors(const vio::Camera& camera, const Poses& T_W_C,
+                                                  const Run& run) {
+    std::vector<EpipolarError> errors;
+    for (const auto& [id, sights] : by_track(run.frames)) {
+        const TimeNs t1 = run.frames[sights[0].frame_idx].t;
+        const auto first = T_W_C.find(t1);
+        const auto f1 = camera.ray(sights[0].uv);
+        if (first == T_W_C.end() || !f1) continue;
+        for (std::size_t k = 1; k < sights.size(); ++k) {
+            const auto now = T_W_C.find(run.frames[sights[k].frame_idx].t);
+            const auto f2 = camera.ray(sights[k].uv);
+            if (now == T_W_C.end() || !f2) continue;
+            const Pose T_C1_C2 = first->second.inverse() * now->second;
+            const Vector3d t = T_C1_C2.p.norm() > 1e-9 ? T_C1_C2.p.normalized() : Vector3d::UnitZ();
+            const double residual =
+                vio::two_view_residual({f1->direction, f2->direction}, T_C1_C2.R, t);
+            errors.push_back(
+                {residual / camera.angular_resolution(), vio::to_seconds(now->first - t1)});
+        }
+    }
+    return errors;
+}
+
+// Share under the limit of a good one, of sights so long after the first.
+inline double good_share(const std::vector<EpipolarError>& errors, double least_seconds = 0,
+                         double most_seconds = 1e9) {
+    int all = 0, good = 0;
+    for (const EpipolarError& e : errors) {
+        if (e.seconds < least_seconds || e.seconds >= most_seconds) continue;
+        ++all;
+        good += e.px < kGood_px;
+    }
+    return all > 0 ? static_cast<double>(good) / all : 0;
+}
+
+// Camera poses with the rotations of one set and the positions of another,
+// brought to its world.
+inline Poses mixed(const Poses& of_rotations, const Poses& of_positions) {
+    std::vector<Pose> R, p;
+    for (const auto& [t, T] : of_rotations)
+        if (const auto other = of_positions.find(t); other != of_positions.end()) {
+            R.push_back(T);
+            p.push_back(other->second);
+        }
+    Eigen::Matrix3Xd from(3, p.size()), to(3, p.size());
+    for (std::size_t i = 0; i < p.size(); ++i) {
+        from.col(static_cast<Eigen::Index>(i)) = p[i].p;
+        to.col(static_cast<Eigen::Index>(i)) = R[i].p;
+    }
+    const vio::Similarity S = vio::align(from, to, vio::AlignmentKind::kSE3).S_G_E;
+    Poses result;
+    for (const auto& [t, T] : of_rotations)
+        if (const auto other = of_positions.find(t); other != of_positions.end())
+            result[t] = {T.R, S * other->second.p};
+    return result;
+}
+
+// The mounting with which the tracks agree best: four numbers from all of them,
+// by a direct search for the least sum of epipolar errors, each counted up to
+// the limit of a good one.
+inline Mounting fit_mounting(const Input& input, const Run& run) {
+    class Cost final : public cv::MinProblemSolver::Function {
+     public:
+        Cost(const Input& i, const Run& r)
+            : input_(i),
+              run_(r),
+              most_(epipolar_errors(*i.rig.camera, camera_poses(i, {}), r).size()) {}
+        static Mounting mounting(const double* x) { return {1e-2 * Vector3d(x), 1e-2 * x[3]}; }
+        int getDims() const override { return 4; }
+        double calc(const double* x) const override {
+            const std::vector<EpipolarError> errors =
+                epipolar_errors(*input_.rig.camera, camera_poses(input_, mounting(x)), run_);
+            double sum = 0;
+            for (const EpipolarError& e : errors) sum += std::min(e.px, kGood_px);
+            // Times without truth must not pay.
+            sum += kGood_px * static_cast<double>(most_ - std::min(most_, errors.size()));
+            return sum;
+        }
+
+     private:
+        const Input& input_;
+        const Run& run_;
+        std::size_t most_;  // errors that there can be
+    };
+    cv::Mat x = cv::Mat::zeros(1, 4, CV_64F);
+    const auto solver = cv::DownhillSolver::create(
+        cv::makePtr<Cost>(input, run), cv::Mat(cv::Matx<double, 1, 4>::ones()),
+        cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 150, 1e-3));
+    solver->minimize(x);
+    return Cost::mounting(x.ptr<double>());
+}
+
+// Where the scene's point p_W is in the image; nothing where it cannot be seen.
+inline std::optional<Vector2d> visible_at(const vio::Scene& scene, const vio::Camera& camera,
+                                          const Pose& T_W_C, const Vector3d& p_W) {
+    const auto uv = camera.project(T_W_C.inverse() * p_W);
+    if (!uv || !camera.inside_image(*uv, kBorder_px)) return std::nullopt;
+    const Vector3d way = p_W - T_W_C.p;
+    const auto hit = scene.cast(T_W_C.p, way.normalized());
+    if (hit && hit->distance < way.norm() - kOcclusion_m) return std::nullopt;
+    return uv;
+}
+
+struct PointErrors {
+    std::vector<double> px;          // of every observation but each track's first
+    std::vector<double> life_share;  // of each track: images seen / images in which it can be seen
+    double seen = 0, could = 0;      // sums of these
+};
+
+// The points on the ray of a track's first observation that its patch may show:
+// where the ray meets the surfaces that are seen within the patch, each
+// continued as a plane (an edge in the patch belongs to the nearer surface, its
+// centre may lie on the other).
+inline std::vector<Vector3d> shown_points(const vio::Scene& scene, const vio::Camera& camera,
+                                          const Pose& T_W_C, const Vector2d& uv) {
+    constexpr double kReach_px = 4;
+    std::vector<Vector3d> points;
+    const auto centre = camera.ray(uv);
+    if (!centre) return points;
+    const Vector3d origin = T_W_C * centre->origin, direction = T_W_C.R * centre->direction;
+    for (const double dx : {0., -1., 1.})
+        for (const double dy : {0., -1., 1.}) {
+            const auto ray = camera.ray(uv + kReach_px * Vector2d(dx, dy));
+            if (!ray) continue;
+            const Vector3d o = T_W_C * ray->origin, d = T_W_C.R * ray->direction;
+            const auto hit = scene.cast(o, d);
+            if (!hit) continue;
+            const vio::Solid& solid = scene.solids()[static_cast<std::size_t>(hit->solid_idx)];
+            const Vector3d normal = solid.T_W_S.R.col(hit->axis), p = o + hit->distance * d;
+            const double slope = normal.dot(direction);
+            const double distance = solid.shape == vio::Solid::Shape::kBox && std::abs(slope) > 0.05
+                                        ? normal.dot(p - origin) / slope
+                                        : hit->distance;
+            points.push_back(origin + distance * direction);
+        }
+    return points;
+}
+
+inline PointErrors point_errors(const Input& input, const vio::Simulation& simulation,
+                                const Run& run) {
+    PointErrors result;
+    const vio::Camera& camera = *input.rig.camera;
+    const vio::Scene& scene = simulation.scene();
+    const auto pose = [&](int i) { return input.T_W_C.at(run.frames[i].t); };
+    const int end = static_cast<int>(run.frames.size());
+    for (const auto& [id, sights] : by_track(run.frames)) {
+        const int begin = sights[0].frame_idx;
+        // The surface that fits the track best.
+        std::vector<double> errors;
+        Vector3d p_W = Vector3d::Zero();
+        for (const Vector3d& p : shown_points(scene, camera, pose(begin), sights[0].uv)) {
+            std::vector<double> px;
+            for (std::size_t k = 1; k < sights.size(); ++k) {
+                const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p);
+                px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
+            }
+            if (p_W.isZero() || vio::median(px) < vio::median(errors)) {
+                p_W = p;
+                errors = std::move(px);
+            }
+        }
+        if (p_W.isZero()) continue;  // sky
+        result.px.insert(result.px.end(), errors.begin(), errors.end());
+        if (begin + 1 == end) continue;
+        int visible = 1;
+        while (begin + visible < end && visible_at(scene, camera, pose(begin + visible), p_W))
+            ++visible;
+        const int life = std::min(visible, static_cast<int>(sights.size()));
+        if (visible < 2) continue;
+        result.life_share.push_back(static_cast<double>(life) / visible);
+        result.seen += life;
+        result.could += visible;
+    }
+    return result;
+}
+
+}  // namespace track_judgement
