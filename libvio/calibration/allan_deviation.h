@@ -50,7 +50,9 @@ AllanFit fit_allan(const std::vector<AllanLevel>& levels, double min_tau = 0.1);
 /// noise behind, at tau = N^2 / F. The bound of K where neither is determined.
 double covering_random_walk(const AllanFit& fit);
 
+/// What a recording at rest tells.
 struct ImuNoiseEstimate {
+    /// Of the gyro or the accelerometer.
     struct Sensor {
         std::array<AllanFit, 3> axes;    ///< x, y, z
         AllanFit all;                    ///< of the three together: their mean variance

@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// A stretch of readings.
 struct StillStretch {
     std::ptrdiff_t begin = 0, end = 0;  ///< indices of readings, end not included
     std::vector<std::string> warnings;  ///< what else there was: motion, gaps

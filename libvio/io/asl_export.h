@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// What of a rawlog is exported.
 struct AslExportOptions {
     RecordingOptions recording;  ///< which camera and IMU, and their calibration
     std::string truth_file;      ///< TUM or EuRoC; empty: NAME.truth.tum beside NAME.rawlog, if any

@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// What of a data set is imported.
 struct AslImportOptions {
     std::string camera = "cam0";   ///< camera folder; becomes the sensor label
     std::string imu = "imu0";      ///< IMU folder; becomes the sensor label

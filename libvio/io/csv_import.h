@@ -19,6 +19,7 @@ struct CsvTable {
     std::string time_unit = "s";
 };
 
+/// Which tables there are, and what they mean.
 struct CsvImportOptions {
     /// time, gyro x y z, and if accel has no file, accelerometer x y z.
     CsvTable gyro;

@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// What of a drive is imported.
 struct KittiImportOptions {
     std::string camera = "image_00";  ///< camera folder; becomes the sensor label
     std::string calibration_dir;      ///< of calib_*.txt; empty: in the drive's folder or above it
