@@ -2,13 +2,17 @@
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME vio-slam)
 set(CPACK_PACKAGE_VENDOR "vio-slam developers")
-set(CPACK_PACKAGE_CONTACT "vio-slam developers <vio-slam@localhost>")
+# Whoever passes packages on puts an address of his own here.
+set(VIO_PACKAGE_CONTACT "vio-slam developers <vio-slam@localhost>" CACHE STRING
+    "Maintainer of the Debian package")
+set(CPACK_PACKAGE_CONTACT "${VIO_PACKAGE_CONTACT}")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "motion estimation from a camera and an IMU for MRPT")
 set(CPACK_PACKAGE_DESCRIPTION
-"Six-degree-of-freedom motion, sparse structure, gravity, velocity and sensor
-biases from one camera and an IMU, read from MRPT rawlogs: a batch optimiser and
-a recursive filter, tools to import, calibrate, simulate, evaluate and to draw
-results without a display, and the C++ library that they are made of.")
+"Six-degree-of-freedom motion, sparse structure, gravity, velocity and
+sensor biases from one camera and an IMU, read from MRPT rawlogs: a batch
+optimiser and a recursive filter, tools to import, calibrate, simulate,
+evaluate and to draw results without a display, and the C++ library that
+they are made of.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR})
@@ -19,6 +23,8 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
     ${PROJECT_BINARY_DIR}/libvio ${PROJECT_BINARY_DIR}/gui_offscreen)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+file(WRITE ${PROJECT_BINARY_DIR}/triggers "activate-noawait ldconfig\n")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_BINARY_DIR}/triggers)
 # Pictures without a display; fast dense kernels; plots of reports.
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "libegl1, libgl1-mesa-dri")
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "libopenblas0-pthread, gnuplot-nox")
