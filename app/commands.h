@@ -19,6 +19,7 @@ void add_reproduce(CLI::App& program);
 void add_render(CLI::App& program);
 void add_export(CLI::App& program);
 void add_info(CLI::App& program);
+void add_check(CLI::App& program);
 void add_calibrate(CLI::App& program);
 void add_statistics(CLI::App& program);
 

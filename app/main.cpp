@@ -1,5 +1,7 @@
 // vio-slam: one program, one sub-command for each thing that users do.
 #include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
 #include <iostream>
 #include <string>
 
@@ -17,9 +19,18 @@ int report_error(const std::string& message, int exit_code) {
     return exit_code;
 }
 
+// What was printed may be what the user came for: a full disk is to be told.
+int finished() {
+    return std::fflush(stdout) == 0 && !std::ferror(stdout)
+               ? 0
+               : report_error("standard output cannot be written; is the disk full?", 1);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+    // A file that reaches the limit of its size is to raise an error like a full disk.
+    std::signal(SIGXFSZ, SIG_IGN);
     CLI::App program{
         "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
     program.name("vio-slam");
@@ -53,6 +64,7 @@ int main(int argc, char** argv) {
     vio::app::add_render(program);
     vio::app::add_export(program);
     vio::app::add_info(program);
+    vio::app::add_check(program);
     vio::app::add_calibrate(program);
     vio::app::add_statistics(program);
     try {
@@ -67,5 +79,5 @@ int main(int argc, char** argv) {
     } catch (const std::exception& error) {
         return report_error(std::string("unexpected: ") + error.what(), 1);
     }
-    return 0;
+    return finished();
 }

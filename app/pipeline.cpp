@@ -10,6 +10,7 @@
 #include "app/estimator.h"
 #include "app/progress.h"
 #include "app/run_output.h"
+#include "libvio/check/recording_check.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/recursive/message_queue.h"
@@ -132,6 +133,40 @@ class Feeder {
     std::deque<FeatureFrame> waiting_;  // in order of time
 };
 
+// Judges the recording's first seconds in passing, once, so that the user learns of a bad recording
+// before the work is done.
+class EarlyCheck {
+ public:
+    EarlyCheck(const RunRequest& request, const Rig& rig, RunReport& report)
+        : check_(std::in_place, rig, request.use_imu), warn_(request.warn), report_(report) {}
+
+    void add(const Message& message) {
+        if (!check_) return;
+        check_->add(message);
+        if (check_->seconds() > kSeconds) finish();
+    }
+    void add_tracks(const FeatureFrame& frame) {
+        if (check_) check_->add_tracks(frame);
+    }
+    void finish() {
+        if (!check_) return;
+        for (Finding& finding : check_->findings(kMostPairs)) {
+            if (finding.grade < Grade::warning) continue;
+            warn_(finding);
+            report_.warnings.push_back(std::move(finding));
+        }
+        check_.reset();
+    }
+
+ private:
+    static constexpr double kSeconds = 15;
+    static constexpr int kMostPairs = 150;
+
+    std::optional<RecordingCheck> check_;
+    std::function<void(const Finding&)> warn_;
+    RunReport& report_;
+};
+
 // From messages in the order of the file to the results, in the order of time.
 class Course {
  public:
@@ -141,6 +176,7 @@ class Course {
           output_(request, rig),
           feeder_(*estimator_, output_, request, rig, report),
           queue_(from_seconds(request.options.iekf.message_window), request.use_imu),
+          early_check_(request, rig, report),
           use_imu_(request.use_imu),
           has_tracks_(has_tracks),
           time_offset_(from_seconds(rig.time_offset)),
@@ -149,6 +185,7 @@ class Course {
     }
 
     void add(const Message& message) {
+        early_check_.add(message);
         if (const auto* reading = std::get_if<ImuReading>(&message)) {
             if (use_imu_) queue_.add(*reading);
         } else if (const auto* image = std::get_if<ImageMessage>(&message)) {
@@ -164,6 +201,7 @@ class Course {
     void finish() {
         take(true);
         feed(timed(report_.tracking_s, [&] { return front_end_.finish(); }));
+        early_check_.finish();
         feeder_.finish();
         timed(report_.estimation_s, [&] { estimator_->finish(); });
         write();
@@ -191,6 +229,7 @@ class Course {
     }
 
     void feed(const std::vector<FeatureFrame>& frames) {
+        for (const FeatureFrame& frame : frames) early_check_.add_tracks(frame);
         timed(report_.estimation_s, [&] {
             for (const FeatureFrame& frame : frames) feeder_.add(frame);
         });
@@ -205,6 +244,7 @@ class Course {
     RunOutput output_;
     Feeder feeder_;
     MessageQueue<TimedMessage> queue_;
+    EarlyCheck early_check_;
     bool use_imu_, has_tracks_;
     TimeNs time_offset_;
     RunReport& report_;
@@ -255,6 +295,10 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["events"] = nlohmann::json::array();
     for (const StatusEntry& event : report.events)
         json["events"].push_back({{"t_ns", event.t}, {"text", event.text}});
+    json["warnings"] = nlohmann::json::array();
+    for (const Finding& finding : report.warnings)
+        json["warnings"].push_back(
+            {{"grade", to_string(finding.grade)}, {"text", one_line(finding)}});
     json["converged"] = report.converged;
     json["iterations"] = report.iterations;
     json["imu_readings"] = report.imu_readings;

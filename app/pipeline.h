@@ -1,12 +1,14 @@
 // The main job from end to end: a rawlog in, a results folder out.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "libvio/base/options.h"
 #include "libvio/batch/batch.h"
+#include "libvio/check/finding.h"
 #include "libvio/io/recording.h"
 #include "libvio/recursive/iekf.h"
 #include "libvio/tracking/tracker.h"
@@ -36,6 +38,8 @@ struct RunRequest {
     double begin_s = 0;              ///< part of the recording: seconds from its first measurement
     double end_s = std::numeric_limits<double>::infinity();
     PipelineOptions options;
+    /// Receives what is wrong with the recording's first seconds, as soon as these are read.
+    std::function<void(const Finding&)> warn = [](const Finding&) {};
 };
 
 /// What a run did, for people and for summary.json.
@@ -50,6 +54,7 @@ struct RunReport {
     double path_length = 0;  ///< [m] if has_scale
     bool has_scale = true;
     std::string estimator_says;       ///< how the estimate went, in words
+    std::vector<Finding> warnings;    ///< see RunRequest::warn
     std::vector<StatusEntry> events;  ///< starts, losses of track
     double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;
     int iterations = 0;           ///< of the batch estimator

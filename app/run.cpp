@@ -7,6 +7,7 @@
 
 #include "app/calibration_option.h"
 #include "app/commands.h"
+#include "app/files.h"
 #include "app/pipeline.h"
 #include "libvio/io/mapping_application.h"
 
@@ -20,18 +21,6 @@ struct Arguments {
     std::vector<std::string> assignments;
     bool print_options = false, every_reading = false;
 };
-
-// As MRPT's SLAM programs take them: a configuration, a rawlog, or both.
-void sort_files(Arguments& arguments) {
-    for (const std::string& file : arguments.files) {
-        const bool config = std::filesystem::path(file).extension() == ".ini";
-        std::string& place = config ? arguments.config : arguments.request.rawlog;
-        if (!place.empty())
-            throw InputError(file + ": " + place + " is given already; a run has one " +
-                             (config ? "configuration" : "rawlog"));
-        place = file;
-    }
-}
 
 // What the command line leaves open, from the section of MRPT's SLAM programs.
 void apply_mapping_application(const std::string& config, RunRequest& request) {
@@ -85,7 +74,7 @@ void print(const RunReport& r, const RunRequest& request) {
 
 void run(Arguments arguments) {
     RunRequest& request = arguments.request;
-    sort_files(arguments);
+    sort_files(arguments.files, arguments.config, request.rawlog);
     OptionSet options;
     request.options.describe(options);
     apply_options(arguments, options);
@@ -106,6 +95,10 @@ void run(Arguments arguments) {
     if (!request.start_folder.empty() && request.estimator != "batch")
         throw InputError("--start-from is for --estimator batch");
     request.use_imu = arguments.sensors == "image+imu";
+    request.warn = [](const Finding& finding) {
+        std::printf("%-11s %s\n", to_string(finding.grade), one_line(finding).c_str());
+        std::fflush(stdout);
+    };
     const RunReport report = run_pipeline(request);
     print(report, request);
     if (!report.damage.empty())

@@ -13,13 +13,8 @@ namespace vio {
 /// The observations of one class with one sensor label.
 struct StreamInfo {
     std::string label, class_name;
-    int count = 0;
-    TimeNs first = 0, last = 0;  ///< smallest and largest stamp
-    TimeNs median_interval = 0;  ///< between neighbouring stamps in file order
-    TimeNs largest_gap = 0;      ///< likewise
-    TimeNs largest_gap_at = 0;   ///< stamp before that gap
-    int backward_stamps = 0;     ///< stamps that do not increase
     Pose T_B_S;                  ///< sensor S in the vehicle frame, at its first observation
+    std::vector<TimeNs> stamps;  ///< in order of the file
 };
 
 struct RawlogInfo {

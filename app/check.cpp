@@ -1,0 +1,151 @@
+// vio-slam check: whether a recording can give a good estimate, before minutes of work.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <optional>
+
+#include "app/commands.h"
+#include "app/files.h"
+#include "app/pipeline.h"
+#include "app/progress.h"
+#include "app/recording_text.h"
+#include "libvio/check/recording_check.h"
+#include "libvio/tracking/front_end.h"
+
+namespace vio::app {
+namespace {
+
+struct Arguments {
+    std::vector<std::string> files;  // [CONFIG] RAWLOG
+    std::string rawlog, config;
+    RecordingOptions recording;
+    std::vector<std::string> assignments;
+    double track_s = 60;
+};
+
+// Feature tracks of the images of the first so many seconds, without help of the gyro, which is to
+// be judged by them.
+class Tracks {
+ public:
+    Tracks(const TrackerOptions& options, const Recording& recording, double seconds)
+        : has_tracks_(recording.has_features()), seconds_(seconds) {
+        if (recording.rig().camera) front_end_.emplace(options, recording.rig(), false);
+    }
+
+    std::vector<FeatureFrame> add(const Message& message) {
+        const bool wanted = has_tracks_ ? std::holds_alternative<FeatureFrame>(message)
+                                        : std::holds_alternative<ImageMessage>(message);
+        if (!front_end_ || !wanted) return {};
+        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
+        if (last_ && t <= *last_) return {};
+        if (!first_) first_ = t;
+        last_ = t;
+        if (to_seconds(t - *first_) > seconds_) return {};
+        return front_end_->add(message);
+    }
+
+ private:
+    bool has_tracks_;
+    double seconds_;
+    std::optional<TimeNs> first_, last_;
+    std::optional<TrackingFrontEnd> front_end_;
+};
+
+Finding file_finding(const std::string& damage) {
+    if (damage.empty()) return {Grade::ok, "file", "read to its end", "", ""};
+    return {Grade::error, "file", damage, "", "what was read before it is judged below"};
+}
+
+std::vector<Finding> judge(const Arguments& arguments, const TrackerOptions& options,
+                           Recording& recording) {
+    RecordingCheck check(recording.rig(), recording.has_imu());
+    Tracks tracks(options, recording, arguments.track_s);
+    std::string damage;
+    Progress progress("checking");
+    try {
+        while (const std::optional<Message> message = recording.next()) {
+            check.add(*message);
+            for (const FeatureFrame& frame : tracks.add(*message)) check.add_tracks(frame);
+            progress.update(recording.progress());
+        }
+    } catch (const InputError& error) {
+        damage = error.what();
+    }
+    std::vector<Finding> findings = check.findings();
+    findings.insert(findings.begin(), file_finding(damage));
+    if (!recording.has_imu())
+        findings.push_back({Grade::warning, "IMU", "none in the recording", "",
+                            "only --sensors image will work, without scale"});
+    return findings;
+}
+
+void print(const Finding& finding) {
+    std::printf("%-9s %-20s %s", to_string(finding.grade), finding.name.c_str(),
+                finding.measured.c_str());
+    if (!finding.limit.empty()) std::printf("  [%s]", finding.limit.c_str());
+    std::printf("\n");
+    if (!finding.advice.empty()) std::printf("%-9s %-20s -> %s\n", "", "", finding.advice.c_str());
+}
+
+void run(Arguments arguments) {
+    sort_files(arguments.files, arguments.config, arguments.rawlog);
+    if (arguments.rawlog.empty()) throw InputError("RAWLOG is missing; see vio-slam check --help");
+    PipelineOptions options;  // all of a run's, so that its configuration can be given
+    OptionSet declared;
+    options.describe(declared);
+    if (!arguments.config.empty()) declared.load(arguments.config);
+    for (const std::string& assignment : arguments.assignments) declared.set(assignment);
+
+    print_streams(arguments.rawlog);
+    Recording recording(arguments.rawlog, arguments.recording);
+    print_calibration(recording);
+    if (!recording.has_images() && !recording.has_features())
+        throw InputError(arguments.rawlog +
+                         ": no images and no features; name the camera with --camera-label or give "
+                         "a rawlog that holds CObservationImage");
+    const std::vector<Finding> findings = judge(arguments, options.tracker, recording);
+    std::printf("\nchecks (measured value, [limit])\n");
+    for (const Finding& finding : findings) print(finding);
+    const auto count = [&](Grade grade) {
+        return std::count_if(findings.begin(), findings.end(),
+                             [&](const Finding& f) { return f.grade == grade; });
+    };
+    const auto errors = count(Grade::error), warnings = count(Grade::warning);
+    const auto counted = [](long number, const char* what) {
+        return std::to_string(number) + " " + what + (number == 1 ? "" : "s");
+    };
+    std::printf("\n%s, %s\n", counted(errors, "error").c_str(),
+                counted(warnings, "warning").c_str());
+    std::fflush(stdout);
+    if (errors > 0)
+        throw InputError(arguments.rawlog + ": " + counted(errors, "error") +
+                         "; an estimate from it is not to be relied on");
+}
+
+}  // namespace
+
+void add_check(CLI::App& program) {
+    CLI::App* command = program.add_subcommand(
+        "check", "Whether a recording can give a good estimate: a verdict on each quantity");
+    auto arguments = std::make_shared<Arguments>();
+    command
+        ->add_option("FILES", arguments->files,
+                     "[CONFIG.ini] RAWLOG: MRPT rawlog; with it, if wanted, an INI file with the "
+                     "options of a run, of which the tracker's count")
+        ->required()
+        ->expected(1, 2);
+    command
+        ->add_option("--track", arguments->track_s,
+                     "Images are tracked for so long, from the first on [s]")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    command
+        ->add_option("--set", arguments->assignments,
+                     "One option as tracker.key=value; may be repeated")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    add_recording_options(*command, arguments->recording);
+    command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace vio::app

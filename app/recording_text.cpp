@@ -1,0 +1,94 @@
+#include "app/recording_text.h"
+
+#include <cstdio>
+
+#include "app/calibration_option.h"
+#include "app/progress.h"
+#include "libvio/camera/mirror.h"
+#include "libvio/check/stamps.h"
+#include "libvio/io/calibration_file.h"
+
+namespace vio::app {
+namespace {
+
+void print(const StreamInfo& stream) {
+    const StampStatistics s = stamp_statistics(stream.stamps);
+    std::printf("%-12s %-24s %7d", stream.label.empty() ? "(no label)" : stream.label.c_str(),
+                stream.class_name.c_str(), s.count);
+    if (s.median_interval > 0) {
+        std::printf("  %8.2f Hz  %9.3f s", s.rate(), s.duration());
+        std::printf("  largest gap %.4f s at %.6f s", to_seconds(s.largest_gap),
+                    to_seconds(s.largest_gap_at));
+    }
+    if (s.repeated > 0) std::printf("  %d stamps are repeated", s.repeated);
+    if (s.backward > 0) std::printf("  %d stamps do not increase", s.backward);
+    std::printf("\n");
+}
+
+// A transformation that maps coordinates of the second frame to the first.
+void print(const char* name, const Pose& T) {
+    const Eigen::Quaterniond q(T.R);
+    std::printf("%-8s position %.6f %.6f %.6f m, quaternion x y z w %.6f %.6f %.6f %.6f\n", name,
+                T.p.x(), T.p.y(), T.p.z(), q.x(), q.y(), q.z(), q.w());
+}
+
+void print_camera(const Rig& rig) {
+    if (!rig.camera) {
+        std::printf("camera   none, or not calibrated\n");
+        return;
+    }
+    std::printf("camera   [px, m, rad] %s\n", camera_summary(*rig.camera).c_str());
+    print("T_B_C", rig.T_B_C);
+    print("T_C_B", rig.T_B_C.inverse());
+    if (const auto* mirror = dynamic_cast<const MirrorCamera*>(rig.camera.get())) {
+        print("T_C_M", mirror->parameters().T_C_M);
+        print("T_M_C", mirror->parameters().T_C_M.inverse());
+    }
+}
+
+void print_imu(const Rig& rig) {
+    const ImuNoise& noise = rig.imu_noise;
+    std::printf("IMU      gyro noise %g rad/s/sqrt(Hz), bias walk %g rad/s^2/sqrt(Hz)\n",
+                noise.gyro_noise_density, noise.gyro_bias_random_walk);
+    std::printf("         accelerometer noise %g m/s^2/sqrt(Hz), bias walk %g m/s^3/sqrt(Hz)\n",
+                noise.accel_noise_density, noise.accel_bias_random_walk);
+    print("T_B_I", rig.T_B_I);
+    print("T_I_B", rig.T_B_I.inverse());
+    if (rig.camera) {
+        print("T_I_C", rig.T_I_C());
+        print("T_C_I", rig.T_I_C().inverse());
+    }
+    std::printf("         t_imu = t_cam + %g s\n", rig.time_offset);
+}
+
+}  // namespace
+
+void add_recording_options(CLI::App& command, RecordingOptions& options) {
+    add_calibration_option(command, options.calibration_files);
+    command.add_option("--camera-label", options.camera_label,
+                       "Camera to use; default: the first in the rawlog");
+    command.add_option("--imu-label", options.imu_label,
+                       "IMU to use; default: the first in the rawlog");
+}
+
+std::string print_streams(const std::string& rawlog) {
+    RawlogInfo info;
+    {
+        Progress progress("reading");
+        info = read_rawlog_info(rawlog, [&](double share) { progress.update(share); });
+    }
+    std::printf("%s\n\nstreams (label, class, count, rate, duration)\n", rawlog.c_str());
+    for (const StreamInfo& stream : info.streams) print(stream);
+    std::fflush(stdout);
+    return info.damage;
+}
+
+void print_calibration(const Recording& recording) {
+    std::printf(
+        "\ncalibration (B vehicle, C camera, I IMU, M mirror; T_B_C maps C's coordinates to B)\n");
+    print_camera(recording.rig());
+    if (recording.has_imu()) print_imu(recording.rig());
+    std::fflush(stdout);
+}
+
+}  // namespace vio::app

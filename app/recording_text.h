@@ -1,0 +1,22 @@
+// What `info` and `check` print of a recording.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "libvio/io/rawlog_info.h"
+#include "libvio/io/recording.h"
+
+namespace vio::app {
+
+/// Declares --calibration, --camera-label and --imu-label.
+void add_recording_options(CLI::App& command, RecordingOptions& options);
+
+/// Reads the file once and prints one line for each stream. Returns why reading stopped early;
+/// empty: it did not.
+std::string print_streams(const std::string& rawlog);
+
+/// Prints the calibration in both directions.
+void print_calibration(const Recording& recording);
+
+}  // namespace vio::app

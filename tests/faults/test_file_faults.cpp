@@ -1,0 +1,171 @@
+// Damaged rawlogs, full disks, folders that cannot be written, runs that are killed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+
+#include "libvio/io/recording.h"
+#include "libvio/io/results.h"
+#include "libvio/io/trajectory_io.h"
+#include "tests/faults/recordings.h"
+
+namespace vio::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+class FileFaults : public ::testing::Test {
+ protected:
+    static void SetUpTestSuite() {
+        bytes_ = new std::string;
+        const ScratchFolder folder;
+        write(as_written(good_recording()), folder / "good.rawlog");
+        *bytes_ = read_text(folder / "good.rawlog");
+    }
+    static void TearDownTestSuite() { delete bytes_; }
+
+    std::string file_of(const std::string& bytes) {
+        const std::string file = folder_ / "recording.rawlog";
+        std::ofstream(file, std::ios::binary) << bytes;
+        return file;
+    }
+
+    ProgramResult program(const std::string& arguments) {
+        return vio_slam(arguments, folder_.path().string());
+    }
+
+    // Runs a line of the shell in which $VIO stands for the program.
+    ProgramResult shell(const std::string& line) {
+        std::ofstream(folder_ / "line.sh")
+            << "VIO='" << VIO_SLAM_PROGRAM << "'\ncd '" << folder_.path().string() << "'\n"
+            << line << "\n";
+        const int status =
+            std::system(("bash '" + (folder_ / "line.sh") + "' >'" + (folder_ / "stdout.txt") +
+                         "' 2>'" + (folder_ / "stderr.txt") + "'")
+                            .c_str());
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(folder_ / "stdout.txt"),
+                read_text(folder_ / "stderr.txt")};
+    }
+
+    static void expect_one_line(const ProgramResult& result, const std::string& words) {
+        EXPECT_EQ(result.exit_code, 1) << result.out << result.err;
+        EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
+        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+        EXPECT_NE(result.err.find(words), std::string::npos)
+            << words << " is not in " << result.err;
+    }
+
+    static std::string* bytes_;
+    ScratchFolder folder_;
+};
+std::string* FileFaults::bytes_ = nullptr;
+
+int messages_up_to_damage(const std::string& file, std::string& damage) {
+    int count = 0;
+    damage = error_of([&] {
+        Recording recording(file);
+        while (recording.next()) ++count;
+    });
+    return count;
+}
+
+// Cut at every hundredth of its length: what comes before is read, the rest is told.
+TEST_F(FileFaults, CutAnywhere) {
+    int before = 0;
+    for (int percent = 1; percent < 100; ++percent) {
+        const std::string file = file_of(bytes_->substr(0, bytes_->size() * percent / 100));
+        std::string damage;
+        const int messages = messages_up_to_damage(file, damage);
+        EXPECT_NE(damage.find(file), std::string::npos) << percent << ": " << damage;
+        EXPECT_NE(damage.find("the file is cut off"), std::string::npos)
+            << percent << ": " << damage;
+        EXPECT_GE(messages, before) << percent;
+        before = messages;
+    }
+    EXPECT_GT(before, 2000);
+}
+
+// A run gives the results of what can be read and fails with the line; too little to start from is
+// a failure without results.
+TEST_F(FileFaults, RunOfACutFileKeepsItsBeginning) {
+    for (const int percent : {2, 60}) {
+        const std::string file = file_of(bytes_->substr(0, bytes_->size() * percent / 100));
+        const std::string out = folder_ / ("out" + std::to_string(percent));
+        expect_one_line(program("run " + file + " -o " + out), "the file is cut off");
+        EXPECT_EQ(fs::exists(out + "/summary.json"), percent == 60);
+        if (percent == 60) EXPECT_GT(read_results(out).states.size(), 100u);
+    }
+    expect_one_line(program("check " + (folder_ / "recording.rawlog")), "1 error");
+}
+
+// A byte that is not what was written: the checksum or the layout shows it, or what was read is
+// still a recording. Never anything else.
+TEST_F(FileFaults, BytesFlipped) {
+    std::uint64_t random = 1;
+    int told = 0;
+    constexpr int kFlips = 60;
+    for (int i = 0; i < kFlips; ++i) {
+        std::string spoilt = *bytes_;
+        random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+        spoilt[(random >> 20) % spoilt.size()] ^= static_cast<char>(1 << ((random >> 12) % 8));
+        std::string damage;
+        messages_up_to_damage(file_of(spoilt), damage);
+        told += !damage.empty();
+        EXPECT_EQ(damage.find('\n'), std::string::npos) << damage;
+    }
+    EXPECT_GT(told, kFlips * 9 / 10);
+}
+
+TEST_F(FileFaults, DiskFull) {
+    file_of(*bytes_);
+    // Files of at most 20 kB stand for a disk that fills.
+    expect_one_line(shell("ulimit -f 20; \"$VIO\" run recording.rawlog -o out >/dev/null"),
+                    "is the disk full?");
+    expect_one_line(shell("ulimit -f 20; \"$VIO\" simulate '" VIO_SOURCE_DIR
+                          "/datasets/stress/base.ini' -o made.rawlog >/dev/null"),
+                    "is the disk full?");
+    EXPECT_FALSE(fs::exists(folder_ / "made.rawlog"));
+    expect_one_line(shell("\"$VIO\" run --print-options >/dev/full"), "is the disk full?");
+}
+
+TEST_F(FileFaults, FolderNotWritable) {
+    const std::string file = file_of(*bytes_);
+    std::ofstream(folder_ / "taken") << "a file\n";
+    expect_one_line(program("run " + file + " -o " + (folder_ / "taken")), folder_ / "taken");
+    expect_one_line(program("run " + file + " -o /proc/vio-slam"), "/proc/vio-slam");
+}
+
+TEST_F(FileFaults, OlderResultsAreKeptUnlessAsked) {
+    const std::string file = file_of(*bytes_), out = folder_ / "out";
+    const std::string command = "run " + file + " --to 4 -o " + out;
+    ASSERT_EQ(program(command).exit_code, 0);
+    const std::string path = read_text(out + "/trajectory.tum");
+    std::ofstream(out + "/notes.txt") << "mine\n";
+    expect_one_line(program("run " + file + " --from 2 -o " + out), "--overwrite");
+    EXPECT_EQ(read_text(out + "/trajectory.tum"), path);
+    ASSERT_EQ(program("run " + file + " --from 2 --overwrite -o " + out).exit_code, 0);
+    EXPECT_NE(read_text(out + "/trajectory.tum"), path);
+    EXPECT_EQ(read_text(out + "/notes.txt"), "mine\n");
+}
+
+// Killed in mid-run: the path so far is a valid file, and is not taken for a finished result.
+TEST_F(FileFaults, KilledInMidRun) {
+    file_of(*bytes_);
+    const ProgramResult result = shell(
+        "\"$VIO\" run recording.rawlog -o out & run=$!\n"
+        "for i in $(seq 2000); do\n"
+        "  [ -f out/trajectory.tum ] && [ $(wc -l <out/trajectory.tum) -gt 30 ] && break\n"
+        "  sleep 0.002\n"
+        "done\n"
+        "kill -9 $run; wait $run; echo $?");
+    EXPECT_NE(result.out.find("137"), std::string::npos) << "finished before it was killed";
+    EXPECT_FALSE(fs::exists(folder_ / "out/summary.json"));
+    EXPECT_GT(read_trajectory(folder_ / "out/trajectory.tum").size(), 20u);
+    EXPECT_GT(read_results(folder_ / "out").states.size(), 20u);
+    expect_one_line(program("run " + (folder_ / "recording.rawlog") + " -o " + (folder_ / "out")),
+                    "--overwrite");
+}
+
+}  // namespace
+}  // namespace vio::test
