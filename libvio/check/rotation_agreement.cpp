@@ -24,9 +24,11 @@ constexpr double kLongestTurn = 0.7;    // [rad] between two images: beyond, x i
 constexpr double kNearlyAsGood = 1.3;
 constexpr double kImageNoise = 1e-3;  // [rad]: where images agree better, it is by chance
 constexpr double kBias = 0.1;         // [rad/s]: of a gyro, about
-constexpr double kTurnKnown = 0.1;    // [rad] sigma up to which a turn counts as known
-constexpr double kNearAxes = 0.35;    // of two matrices, Frobenius: about 14 degrees
-constexpr double kGyroScale = 0.01;   // to which a gyro's scale is believed
+// Errors of neighbouring rotations of a stretch go together: as if one in four were independent.
+constexpr double kAlike = 4;
+constexpr double kTurnKnown = 0.1;   // [rad] sigma up to which a turn counts as known
+constexpr double kNearAxes = 0.35;   // of two matrices, Frobenius: about 14 degrees
+constexpr double kGyroScale = 0.01;  // to which a gyro's scale is believed
 
 // The gyro's angular velocity, integrated from the first reading to any time.
 class GyroIntegral {
@@ -134,7 +136,8 @@ Shift find_shift(const std::vector<Pair>& pairs, const GyroIntegral& gyro, doubl
     Shift shift{(best - steps) * kStep, search};
     if (!(curvature > 0)) return shift;
     shift.offset -= (c - a) / (2 * kStep * curvature);
-    const double variance = b / std::max(1.0, 3.0 * static_cast<double>(pairs.size()) - 13);
+    const double variance =
+        kAlike * b / std::max(1.0, 3.0 * static_cast<double>(pairs.size()) - 13);
     shift.sigma = std::sqrt(2 * variance / curvature);
     return shift;
 }
@@ -305,7 +308,7 @@ std::optional<RotationAgreement> compare(const std::vector<ImageRotation>& rotat
     }
     a.image_rate = std::sqrt(rates / a.pairs);
     a.noise = std::sqrt(errors / (3 * a.pairs));
-    const double variance = std::max(1.0, free.left / std::max(1.0, 3.0 * a.pairs - 13));
+    const double variance = kAlike * std::max(1.0, free.left / std::max(1.0, 3.0 * a.pairs - 13));
     a.explained = squares > 0 ? 1 - free.left / squares : 0;
     a.offset = shift.offset;
     a.offset_sigma = shift.sigma;

@@ -14,10 +14,11 @@
 namespace vio::test {
 
 /// Twelve seconds of the stress scenarios' common base: a hand-held camera looks around a room;
-/// features with one pixel of noise, a consumer IMU.
+/// features with 0.3 px of noise, a consumer IMU.
 inline const Simulation& good_recording() {
-    static const Simulation simulation(ScenarioOptions::from_file(
-        std::string(VIO_SOURCE_DIR) + "/datasets/stress/base.ini", {"camera.count=240"}));
+    static const Simulation simulation(
+        ScenarioOptions::from_file(std::string(VIO_SOURCE_DIR) + "/datasets/stress/base.ini",
+                                   {"camera.count=240", "tracks.noise=0.3"}));
     return simulation;
 }
 

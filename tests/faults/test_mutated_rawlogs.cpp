@@ -86,7 +86,7 @@ std::string small_recording(const ScratchFolder& folder, bool images) {
 
 TEST(MutatedRawlogs, GiveAResultOrOneLine) {
     const char* wanted = std::getenv("VIO_MUTATIONS");
-    const int count = wanted ? std::atoi(wanted) : 24;
+    const int count = wanted ? std::atoi(wanted) : 12;
     const ScratchFolder folder;
     const std::string recordings[] = {small_recording(folder, false),
                                       small_recording(folder, true)};
