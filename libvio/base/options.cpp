@@ -1,15 +1,13 @@
 #include "libvio/base/options.h"
 
-#include <mrpt/config/CConfigFile.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string_view>
 
+#include "libvio/base/ini_file.h"
 #include "libvio/base/strings.h"
 
 namespace vio {
@@ -123,9 +121,8 @@ void OptionSet::assign(const std::string& where, const std::string& section,
 }
 
 void OptionSet::load(const std::string& ini_file) {
-    if (!std::filesystem::is_regular_file(ini_file))
-        throw InputError(ini_file + ": no such file; name an existing INI file");
-    const mrpt::config::CConfigFile ini(ini_file);
+    const auto opened = open_ini(ini_file);
+    const auto& ini = *opened;
     std::vector<std::string> sections;
     ini.getAllSections(sections);
     bool any = false;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/ini_file.h"
 #include "libvio/camera/description.h"
 #include "libvio/io/text.h"
 #include "libvio/io/yaml_calibration.h"
@@ -282,7 +283,8 @@ void load_calibration(const std::string& file, Rig& rig) {
         throw InputError(file + ": no such file; name an existing calibration file");
     const std::string extension = std::filesystem::path(file).extension().string();
     if (extension == ".yaml" || extension == ".yml") return load_yaml_calibration(file, rig);
-    const mrpt::config::CConfigFile ini(file);
+    const auto opened = open_ini(file);
+    const auto& ini = *opened;
     if (const auto section = mrpt_section(ini))
         load_mrpt(file, ini, *section, rig);
     else

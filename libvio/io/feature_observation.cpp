@@ -61,7 +61,7 @@ void CObservationFeatures::serializeFrom(mrpt::serialization::CArchive& in,
         throw std::runtime_error("CObservationFeatures: written by a newer version of vio-slam");
     in >> timestamp >> sensorLabel >> cameraPose >> cameraParams;
     std::uint32_t count = 0;
-    bool shaped = false;
+    std::uint8_t shaped = 0;  // a bool, which a damaged file may not hold
     in >> count >> shaped;
     read_array<std::int64_t, std::int64_t>(in, feature_ids, count);
     read_array<double, double>(in, u_px, count);

@@ -1,18 +1,14 @@
 #include "libvio/io/mapping_application.h"
 
-#include <mrpt/config/CConfigFile.h>
-
-#include <filesystem>
-
+#include "libvio/base/ini_file.h"
 #include "libvio/io/text.h"
 
 namespace vio {
 
 std::optional<MappingApplication> read_mapping_application(const std::string& ini_file) {
     const std::string section = "MappingApplication";
-    if (!std::filesystem::is_regular_file(ini_file))
-        throw InputError(ini_file + ": no such file; name an existing INI file");
-    const mrpt::config::CConfigFile ini(ini_file);
+    const auto opened = open_ini(ini_file);
+    const auto& ini = *opened;
     if (!ini.sectionExists(section)) return std::nullopt;
     const auto text = [&](const char* key) {
         return std::string(without_comment(ini.read_string(section, key, "")));

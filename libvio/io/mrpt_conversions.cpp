@@ -22,6 +22,9 @@ using mrpt::img::DistortionModel;
 constexpr std::int64_t kNanosecondsPerTick = 100;
 // MRPT counts from 1601-01-01: ticks up to the UNIX epoch.
 constexpr std::int64_t kTicksToUnixEpoch = 116444736000000000LL;
+// About 127 years around that epoch: differences of nanoseconds hold in 64 bits. No stamp, and
+// those of damaged files, are put to the end.
+constexpr std::int64_t kMostTicks = 40000000000000000LL;
 
 // Keeps the angular derivatives finite at gimbal lock.
 constexpr double kMinCosPitch = 1e-9;
@@ -64,7 +67,10 @@ mrpt::Clock::time_point to_mrpt(TimeNs t) {
 }
 
 TimeNs from_mrpt(mrpt::Clock::time_point t) {
-    return (t.time_since_epoch().count() - kTicksToUnixEpoch) * kNanosecondsPerTick;
+    const std::int64_t ticks = t.time_since_epoch().count();
+    if (ticks < kTicksToUnixEpoch - kMostTicks) return -kMostTicks * kNanosecondsPerTick;
+    if (ticks > kTicksToUnixEpoch + kMostTicks) return kMostTicks * kNanosecondsPerTick;
+    return (ticks - kTicksToUnixEpoch) * kNanosecondsPerTick;
 }
 
 mrpt::poses::CPose3D to_mrpt(const Pose& T) {

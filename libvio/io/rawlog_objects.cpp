@@ -2,6 +2,8 @@
 
 #include <mrpt/serialization/CArchive.h>
 
+#include <new>
+
 #include "libvio/io/feature_observation.h"
 #include "libvio/io/text.h"
 
@@ -36,6 +38,8 @@ mrpt::serialization::CSerializable::Ptr RawlogObjects::next() {
         return object;
     } catch (const InputError&) {
         throw;
+    } catch (const std::bad_alloc&) {  // of a length that was damaged
+        throw failure("it asks for more memory than there is");
     } catch (const std::exception& reason) {
         throw failure(input_.failure().empty() ? mrpt_reason(reason.what()) : input_.failure());
     }
