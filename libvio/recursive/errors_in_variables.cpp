@@ -60,8 +60,9 @@ void ErrorsInVariables::carry(int at, const CoreMatrix& T) {
 }
 
 void ErrorsInVariables::update(const MatrixXd& X, const MatrixXd& W) {
-    C_ -= W.transpose() * (X * C_).eval();
-    C_ -= ((C_ * X.transpose()).eval() * W).eval();
+    const MatrixXd K = W.transpose() * X;
+    C_ -= (K * C_).eval();
+    C_ -= (C_ * K.transpose()).eval();
 }
 
 }  // namespace vio

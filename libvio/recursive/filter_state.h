@@ -168,6 +168,12 @@ class FilterState {
               const Eigen::VectorXd& scale_reading);
     void gain(const Eigen::MatrixXd& H);
     Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
+    bool linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
+                      const Eigen::VectorXd& residual, const Eigen::VectorXd& delta) const;
+    Eigen::VectorXd without_noise(const std::vector<PointRows>& rows,
+                                  const Eigen::VectorXd& from_noise, const Eigen::VectorXd& reading,
+                                  double scale, const Eigen::VectorXd& residual,
+                                  Eigen::VectorXd* weighted);
     void reduce_covariance();
     Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
     Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& H,

@@ -12,6 +12,12 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+namespace {
+
+constexpr double kConverged = 0.05;  // standard deviations of a measurement
+
+}  // namespace
+
 Vector2d FilterState::applied(const PointRows& row, const VectorXd& d) const {
     return row.J_pose * d.head<6>() +
            row.J_anchor * d.segment<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +
@@ -88,10 +94,44 @@ Matrix6d FilterState::pose_carrier(const Vector6d& delta, const Matrix3d& R_befo
     return T;
 }
 
+// Whether the residuals at the prior moved by delta are as those at the prior, with their rows,
+// say.
+bool FilterState::linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
+                               const VectorXd& residual, const VectorXd& delta) const {
+    std::vector<PointRows> there;
+    linearise(delta, &there);
+    if (there.size() != rows.size()) return false;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const Vector2d predicted =
+            residual.segment<2>(2 * static_cast<Eigen::Index>(i)) - applied(rows[i], delta);
+        if (there[i].landmark_idx != rows[i].landmark_idx ||
+            (there[i].residual - predicted).lpNorm<Eigen::Infinity>() > kConverged)
+            return false;
+    }
+    return true;
+}
+
+// The correction with the scale's sensitivity changed by from_noise, the rows being good as they
+// are: H becomes H + u reading^T with u = H from_noise, which changes the factor of S by two ranks.
+// scale: correction of scale so far.
+VectorXd FilterState::without_noise(const std::vector<PointRows>& rows, const VectorXd& from_noise,
+                                    const VectorXd& reading, double scale, const VectorXd& residual,
+                                    VectorXd* weighted) {
+    VectorXd u(residual.size());
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        u.segment<2>(2 * static_cast<Eigen::Index>(i)) = applied(rows[i], from_noise);
+    const VectorXd P_reading = P() * reading;
+    const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading) * u;
+    PHt_.noalias() += P_reading * u.transpose();
+    llt_.rankUpdate(u + half, 0.5);
+    llt_.rankUpdate(u - half, -0.5);
+    *weighted = llt_.solve(residual + scale * u);
+    return PHt_ * *weighted;
+}
+
 int FilterState::update(const Linearise& linearise, int max_iterations) {
-    constexpr double kConverged = 0.05;  // standard deviations of a measurement
     std::vector<PointRows> rows;
-    VectorXd delta = VectorXd::Zero(size_), residual, next;
+    VectorXd delta = VectorXd::Zero(size_), residual, weighted, next;
     const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
     doubt_sensitivity();
     const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
@@ -122,11 +162,20 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
             if (scale_change.size() > 0) r += scale * applied(rows[i], scale_change);
         }
         gain(rows, scale_change, reading);
-        const VectorXd weighted = llt_.solve(residual);
+        weighted = llt_.solve(residual);
         if (iteration == 0) innovations_.add(residual, residual.dot(weighted));
         next.noalias() = PHt_ * weighted;
         if (in_variables_) from_noise = sensitivity_change(window_jacobian(rows), weighted);
         ++iteration;
+        if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
+            if (from_noise.size() > 0 && reading.size() > 0) {
+                next = without_noise(rows, from_noise, reading, reading.dot(next), residual,
+                                     &weighted);
+                from_noise = sensitivity_change(window_jacobian(rows), weighted);
+            }
+            delta.swap(next);
+            break;
+        }
         double change = 0;
         const VectorXd step = next - delta;
         for (const PointRows& row : rows)

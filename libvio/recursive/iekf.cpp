@@ -87,6 +87,8 @@ void Iekf::Impl::take(const TimedFrame& image) {
 }
 
 void Iekf::Impl::process_image(const TimedFrame& image) {
+    after_gap = image_missing(image.frame.t);
+    if (!after_gap) image_interval = to_seconds(image.frame.t - image_time);
     image_time = image.frame.t;
     innovations = {.t = image.frame.t};
     take_reading_innovations();

@@ -24,10 +24,11 @@ void Iekf::Impl::judge(TimeNs t) {
     }
     if (used >= options.min_features) last_good = t;
     const bool unsure = known_velocity() > options.lost_velocity_sigma;
-    const bool now_lost = unseen(t) || unsure || abandoned;
+    const bool now_lost = unseen(t) || unsure || abandoned || after_gap;
     const auto why = [&] { return velocity_known(options.lost_velocity_sigma); };
     if (now_lost != lost)
-        log(t, !now_lost ? "tracking found again"
+        log(t, !now_lost   ? "tracking found again"
+               : after_gap ? "tracking lost: images were missing"
                : unseen(t)
                    ? "tracking lost: fewer than " + std::to_string(options.min_features) +
                          " points used for " + std::to_string(options.lost_after_seconds) + " s"

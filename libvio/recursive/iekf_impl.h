@@ -59,6 +59,13 @@ struct Iekf::Impl {
     void hold_at_rest();
     void use_window_points();
     void release(int slot);
+    /// Whether an image should have come long before t.
+    bool image_missing(TimeNs t) const {
+        constexpr double kUsualIntervals = 3;
+        const double interval = to_seconds(t - image_time);
+        return interval > options.lost_after_seconds && image_interval > 0 &&
+               interval > kUsualIntervals * image_interval;
+    }
     bool unseen(TimeNs t) const { return to_seconds(t - last_good) > options.lost_after_seconds; }
     double known_velocity() const;
     std::string velocity_known(double limit) const;
@@ -97,6 +104,8 @@ struct Iekf::Impl {
     KeyframeSelector keyframes;
     int keyframe_idx = 0;  // image of the last key-frame
     TimeNs image_time = 0, keyframe_time = 0;
+    double image_interval = 0;  // the last that was no gap; 0: none yet [s]
+    bool after_gap = false;     // images were missing before the last
 
     // Of the image in work.
     std::vector<LandmarkSight> known;

@@ -24,7 +24,7 @@ void Iekf::Impl::report(TimeNs t, int features) {
     out.covariance.topLeftCorner(c, c) = state->core_covariance().topLeftCorner(c, c);
     out.covariance = (J * out.covariance * J.transpose()).eval();
     out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
-    out.lost = lost;
+    out.lost = lost || image_missing(t);
     out.features = features;
     result.states.push_back(out);
     if (restarting) {
