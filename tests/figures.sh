@@ -181,6 +181,10 @@ echo "Interruptions (legend: tests/tools/filter_runs.cpp)"
 taskset -c 0 "$RUNS" faults datasets/stress/base.ini 1
 
 echo
+echo "Stress: errors in standard deviations, and what is marked lost"
+taskset -c 0 "$RUNS" honesty datasets/stress/*.ini 1 | grep '^stress'
+
+echo
 echo "Eight simulated hours, the rover to and fro (legend: tests/tools/long_run.cpp)"
 taskset -c 0 build/release/tests/vio_long_run datasets/rover_sparse.ini 8 |
     awk 'NR == 1 || /x real/ || (/^ *[0-9]/ && ++n % 8 == 1)'
