@@ -129,7 +129,7 @@ double minimize_from_nothing(Course& course, State start) {
     for (int round = 0; round < kRounds; ++round) {
         minimize_stage(
             course, {true, "huber", true},
-            {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance)});
+            {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance), 1e-6});
         if (course.last.final.total() <= explained_cost(course.model) ||
             !free_trapped_points(course))
             break;

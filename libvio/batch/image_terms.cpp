@@ -1,6 +1,8 @@
 // E_image, Eq. (2): what the image observations add to the error function.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "libvio/batch/objective.h"
 #include "libvio/batch/parallel.h"
@@ -84,27 +86,96 @@ void Objective::add_observation(const State& state, int k, const Eigen::Matrix<d
             eq.W[k].transpose();
 }
 
-void Objective::linearize_observation(const State& state, int k, NormalEquations& eq,
-                                      PoseSums& sums) const {
-    const Observation& observation = model_.observations[k];
+template <typename Use>
+bool Objective::with_residual(const State& state, const Observation& observation, Use use) const {
     const InertialState& I = state.frames[observation.frame_idx].motion;
     const Eigen::Vector3d p_C =
         T_C_I_ * (I.R.transpose() * (state.points[observation.point_idx] - I.p));
     Matrix23d J_C;
     if (const auto uv = model_.camera->project(p_C, &J_C)) {
         const Eigen::Vector2d r = observation.sqrt_information * (*uv - observation.uv_px);
-        const Matrix23d J = observation.sqrt_information * J_C;
-        if (r.squaredNorm() > largest_distance2_)
-            sums.cost += robust(largest_distance2_);
-        else
-            add_observation<2>(state, k, r, J, eq, sums);
-    } else if (stage_.truncated) {
-        sums.cost += robust(largest_distance2_);
-    } else {
-        Eigen::Matrix3d J;
-        const Eigen::Vector3d r = unseen_residual(p_C, observation, &J);
-        add_observation<3>(state, k, r, J, eq, sums);
+        if (r.squaredNorm() > largest_distance2_) return false;
+        use(r, Matrix23d(observation.sqrt_information * J_C));
+        return true;
     }
+    if (stage_.truncated) return false;
+    Eigen::Matrix3d J;
+    const Eigen::Vector3d r = unseen_residual(p_C, observation, &J);
+    use(r, J);
+    return true;
+}
+
+void Objective::linearize_observation(const State& state, int k, NormalEquations& eq,
+                                      PoseSums& sums) const {
+    const auto add = [&](const auto& r, const auto& J) {
+        add_observation(state, k, r, J, eq, sums);
+    };
+    if (!with_residual(state, model_.observations[k], add)) sums.cost += robust(largest_distance2_);
+}
+
+Objective::PointSums Objective::point_sums(const State& state, int j) const {
+    PointSums sums;
+    const Point& point = model_.points[j];
+    for (int k = 0; k < point.observation_count; ++k) {
+        const Observation& observation = model_.observations[point.first_observation + k];
+        if (!observation.active) continue;
+        const Eigen::Matrix3d R_C_W =
+            T_C_I_.R * state.frames[observation.frame_idx].motion.R.transpose();
+        const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
+            const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
+            const auto J_X = (J_C * R_C_W).eval();
+            sums.V.noalias() += w * J_X.transpose() * J_X;
+            sums.b.noalias() += w * J_X.transpose() * r;
+            sums.cost += robust(distance2);
+        });
+        if (!pulls) sums.cost += robust(largest_distance2_);
+    }
+    return sums;
+}
+
+double Objective::settle_point(int j, State& state) const {
+    constexpr int kSteps = 10;
+    constexpr double kWorth = 1e-2;  // what a step must promise to take off the cost
+    const InertialState& I =
+        state.frames[model_.observations[model_.points[j].first_observation].frame_idx].motion;
+    const Eigen::Vector3d origin = I.R * model_.T_I_C.p + I.p;
+    Eigen::Vector3d best = state.points[j], step = Eigen::Vector3d::Zero();
+    double cost = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < kSteps; ++k) {
+        const PointSums sums = point_sums(state, j);
+        if (sums.cost < cost) {
+            best = state.points[j];
+            cost = sums.cost;
+            if (undetermined(sums.V)) break;
+            step = -sums.V.llt().solve(sums.b);
+            if (-step.dot(sums.b) < kWorth) break;
+        } else {
+            step /= 4;
+        }
+        state.points[j] = origin + displaced(best - origin, step);
+    }
+    state.points[j] = best;
+    return cost;
+}
+
+void Objective::settle_points(const State& from, State& state) const {
+    if (stage_.truncated) return;
+    in_parallel(threads_, kPieces, [&](int piece) {
+        const int points = static_cast<int>(model_.points.size());
+        for (int j = piece_begin(points, kPieces, piece);
+             j < piece_begin(points, kPieces, piece + 1); ++j) {
+            const Point& point = model_.points[j];
+            if (point.fiducial) continue;
+            const double cost = settle_point(j, state);
+            if (cost <= point_costs_[j]) continue;
+            // The step led it astray: from where it was as its first camera sees it.
+            const int i = model_.observations[point.first_observation].frame_idx;
+            const InertialState &was = from.frames[i].motion, &is = state.frames[i].motion;
+            const Eigen::Vector3d stepped = std::exchange(
+                state.points[j], is.R * (was.R.transpose() * (from.points[j] - was.p)) + is.p);
+            if (!(settle_point(j, state) < cost)) state.points[j] = stepped;
+        }
+    });
 }
 
 double Objective::linearize_image(const State& state, NormalEquations& eq) {
@@ -126,9 +197,11 @@ double Objective::linearize_image(const State& state, NormalEquations& eq) {
         sums.g.assign(frames, Vector6d::Zero());
         for (int j = begin; j < end; ++j) {
             const Point& point = model_.points[j];
+            const double before = sums.cost;
             for (int k = 0; k < point.observation_count; ++k)
                 if (model_.observations[point.first_observation + k].active)
                     linearize_observation(state, point.first_observation + k, eq, sums);
+            point_costs_[j] = sums.cost - before;
         }
     });
     double cost = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace vio::batch {
@@ -25,12 +26,23 @@ auto timed(double& seconds, Work work) {
     return work();
 }
 
+// What steps to come will take off the cost where each promises a constant share of the one before
+// (the worst case near a minimum). Damping hides what is to come.
+double still_to_come(double lambda, double promised_before, double promised) {
+    constexpr double kUndamped = 1e-8;  // weak directions are 1e-6 of the diagonal, say
+    constexpr double kSlowest = 0.1;    // quadratic convergence may turn linear
+    const double ratio = std::max(kSlowest, promised / promised_before);
+    if (lambda > kUndamped || !(ratio < 1)) return std::numeric_limits<double>::infinity();
+    return promised * ratio / (1 - ratio);
+}
+
 }  // namespace
 
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                         const MinimizeLimits& limits, State& state) {
     MinimizeReport report;
     double lambda = limits.initial_damping, growth = 2;
+    double promised_before = 0;  // by the last step, if it was taken
     const auto linearize = [&] {
         return timed(report.linearize_s, [&] { return objective.linearize(state, equations); });
     };
@@ -45,6 +57,7 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
         if (timed(report.solve_s, [&] { return equations.solve(lambda, step); })) {
             const double now = timed(report.evaluate_s, [&] {
                 objective.apply(state, step, equations.layout(), candidate);
+                objective.settle_points(state, candidate);
                 return objective.evaluate(candidate).total();
             });
             const double decrease = cost.total() - now;
@@ -53,7 +66,10 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
             report.gradient = predicted / cost.total();
             accepted = std::isfinite(now) && decrease > 0;
             if (accepted) std::swap(state, candidate);
-            if (std::isfinite(now) && predicted <= small && std::abs(decrease) <= small) {
+            const double left = still_to_come(lambda, promised_before, predicted);
+            promised_before = accepted ? predicted : 0;
+            if ((std::isfinite(now) && predicted <= small && std::abs(decrease) <= small) ||
+                (accepted && left <= std::min(limits.negligible, 1e-5 * cost.total()))) {
                 if (accepted) cost = linearize();
                 report.converged = true;
                 report.reason = "cost no longer decreases";

@@ -10,7 +10,11 @@ namespace vio::batch {
 struct MinimizeLimits {
     int max_iterations = 200;
     double cost_tolerance = 1e-8;   ///< relative decrease below which it has converged
-    double initial_damping = 1e-6;  ///< near the solution; 1e-3 where nothing is known
+    double initial_damping = 1e-8;  ///< near the solution
+    /// It has also converged when undamped steps shrink so that all those to come will not take
+    /// more off the cost than this, or 1e-5 of it. The joint distance of the unknowns from the
+    /// minimum, in their own standard deviations, is then its square root: far below noise.
+    double negligible = 1e-2;
 };
 
 struct MinimizeReport {
@@ -26,7 +30,8 @@ struct MinimizeReport {
 /// Minimises the objective from `state` on, which is left at the best state found, and at which
 /// `equations` are left linearised.
 /// Damping after Marquardt (scaled by the Hessian's diagonal), raised and lowered after Nielsen
-/// (1999).
+/// (1999). After each step points settle with the poses as they are (embedded point iterations;
+/// Jeong et al. 2012).
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                         const MinimizeLimits& limits, State& state);
 

@@ -29,6 +29,7 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
       stage_(stage),
       threads_(thread_count(options)),
       T_C_I_(model.T_I_C.inverse()),
+      point_costs_(model.points.size(), 0.0),
       pose_sums_(kPieces) {
     const double diagonal = std::hypot(model.camera->width(), model.camera->height());
     largest_distance2_ = stage.truncated
@@ -147,9 +148,9 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
     // A point that its images leave undetermined (no observation left, or rays without parallax)
     // stays where it is in the directions that they leave open.
     for (Eigen::Matrix3d& V : equations.V) {
+        if (!undetermined(V)) continue;
         const double mean = V.trace() / 3;
-        if (!(V.determinant() > 1e-12 * mean * mean * mean))
-            V.diagonal().array() += mean > 0 ? 1e-6 * mean : 1.0;
+        V.diagonal().array() += mean > 0 ? 1e-6 * mean : 1.0;
     }
     // Border points stand among the reduced unknowns.
     for (size_t j = 0; j < model_.points.size(); ++j)
@@ -167,6 +168,19 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
     return cost;
 }
 
+bool undetermined(const Eigen::Matrix3d& V) {
+    const double mean = V.trace() / 3;
+    return !(V.determinant() > 1e-12 * mean * mean * mean);
+}
+
+Eigen::Vector3d displaced(const Eigen::Vector3d& line, const Eigen::Vector3d& d) {
+    const double range2 = line.squaredNorm();
+    if (!(range2 > 0)) return line + d;
+    const double growth = line.dot(d) / range2;
+    constexpr double kLargestGrowth = 10;  // of the range; infinity is at the end of many steps
+    return (line + d - growth * line) / std::max(1 / kLargestGrowth, 1 - growth);
+}
+
 Eigen::Vector3d Objective::moved_point(const State& state, const State& next, const Step& step,
                                        const Layout& layout, int j) const {
     const Eigen::Vector3d added = state.points[j] + step.points[j];
@@ -181,12 +195,7 @@ Eigen::Vector3d Objective::moved_point(const State& state, const State& next, co
                           line = p_I - model_.T_I_C.p,
                           d = I.R.transpose() * (step.points[j] - part(kPosition)) -
                               part(kRotation).cross(p_I);
-    const double range = line.norm();
-    if (!(range > 0)) return added;
-    const Eigen::Vector3d outward = line / range * (line.dot(d) / range);
-    constexpr double kLargestGrowth = 10;  // of the range; infinity is at the end of many steps
-    const double shrink = std::max(1 / kLargestGrowth, 1 - line.dot(d) / (range * range));
-    return moved.R * (model_.T_I_C.p + (line + d - outward) / shrink) + moved.p;
+    return moved.R * (model_.T_I_C.p + displaced(line, d)) + moved.p;
 }
 
 void Objective::apply(const State& state, const Step& step, const Layout& layout,

@@ -40,6 +40,13 @@ inline Vector6d bias_vector(const ImuBias& bias) {
     return v;
 }
 
+/// A sight line when its end moves by d: linearly in the direction and in the inverse range (Civera
+/// et al. 2008), which images are nearly linear in even where a small angle leads to infinity.
+Eigen::Vector3d displaced(const Eigen::Vector3d& line, const Eigen::Vector3d& d);
+
+/// Whether a point's normal equations leave a direction open, to working accuracy.
+bool undetermined(const Eigen::Matrix3d& V);
+
 class Objective {
  public:
     Objective(const Model& model, const BatchOptions& options, const Stage& stage);
@@ -63,10 +70,16 @@ class Objective {
     Border linearize_rig(const State& state, const RigUnknowns& unknowns,
                          const NormalEquations& equations) const;
 
-    /// next = state [+] step. Points move as seen from the first camera that saw them, which their
-    /// images constrain: linearly in the direction and in the inverse range (Civera et al. 2008),
-    /// which images are nearly linear in even where a small angle leads to infinity.
+    /// next = state [+] step. Points are displaced() as seen from the first camera that saw them,
+    /// which their images constrain.
     void apply(const State& state, const Step& step, const Layout& layout, State& next) const;
+
+    /// Moves the points of `state`, a step away from `from` (the state last linearised at), to
+    /// where their own images want them with the cameras as they are; each starts from where the
+    /// step or its first camera takes it. Points with hardly any parallax follow no linear model,
+    /// and few of them would hold up the step of all. Fiducials stay, and everything does while the
+    /// stage is truncated: what images want says nothing yet.
+    void settle_points(const State& from, State& state) const;
 
     /// Derivative of g_W wrt its unknowns: two rotations about axes across it when its norm is
     /// fixed (third column zero), the identity when it is free.
@@ -104,6 +117,18 @@ class Objective {
     Eigen::Vector3d moved_point(const State& state, const State& next, const Step& step,
                                 const Layout& layout, int point_idx) const;
     double linearize_image(const State& state, NormalEquations& equations);
+    // Calls use(r, J) with an observation's residual and its derivative wrt p_C, whitened, of two
+    // or three components; false where it exerts no pull.
+    template <typename Use>
+    bool with_residual(const State& state, const Observation& observation, Use use) const;
+    // Normal equations of a point alone.
+    struct PointSums {
+        Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
+        Eigen::Vector3d b = Eigen::Vector3d::Zero();
+        double cost = 0;
+    };
+    PointSums point_sums(const State& state, int point_idx) const;
+    double settle_point(int point_idx, State& state) const;  // returns what it costs then
     // Adds one observation with N residual components: residual and derivative wrt p_C, whitened.
     template <int N>
     void add_observation(const State& state, int observation_idx,
@@ -136,6 +161,7 @@ class Objective {
     double largest_distance2_;  ///< that an observation can have; infinite unless truncated
     Pose T_C_I_;
     std::vector<Interval> intervals_;
+    std::vector<double> point_costs_;  // at the last linearisation
     std::vector<PoseSums> pose_sums_;  // of each piece of the points
     double unseen_distance2_;          ///< what an unseen observation costs
 };

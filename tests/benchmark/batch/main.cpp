@@ -31,7 +31,7 @@ Solved solve_with_ours(const TimedProblem& problem, int threads) {
     batch::NormalEquations equations(problem.model, batch::make_layout(problem.model, options),
                                      threads);
     batch::Objective objective(problem.model, options, {});
-    const auto report = batch::minimize(objective, equations, {200, 1e-9}, state);
+    const auto report = batch::minimize(objective, equations, {200, 1e-9, 1e-8, 0}, state);
     Solved solved;
     solved.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
