@@ -137,12 +137,12 @@ double minimize_from_nothing(Course& course, State start) {
     return course.last.final.total();
 }
 
-// From nothing: the paper's start, and where that ends with more than twice the cost that noise
-// explains, a second one that lets the cameras turn as the gyro says; the better of the two.
+// From nothing: the paper's start, and where that ends with more cost than noise explains, a second
+// one that lets the cameras turn as the gyro says; the better of the two.
 void start_blind(Course& course, int images) {
     course.model = make_model(course.problem, course.options, images, 2);
     const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
-    if (course.model.inertial && !(cost <= 2 * explained_cost(course.model))) {
+    if (course.model.inertial && !(cost <= explained_cost(course.model))) {
         State first = std::move(course.state);
         if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
             course.state = std::move(first);

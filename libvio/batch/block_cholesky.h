@@ -12,6 +12,9 @@
 namespace vio::batch {
 
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
+// Parts of dense matrices that stand in larger ones.
+using Strided = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+using ConstStrided = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
 /// The matrix S and right-hand side s that are factorised and solved:
 ///   S = A + diag(d) - sum_k W_k Q_k Q_k^T W_k^T,    s = a - sum_k W_k Q_k Q_k^T b_k.
