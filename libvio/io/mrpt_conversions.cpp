@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "libvio/base/errors.h"
 #include "libvio/camera/fisheye.h"
@@ -179,13 +180,17 @@ mrpt::obs::CObservationIMU to_mrpt(const ImuReading& reading) {
 
 std::optional<ImuReading> from_mrpt(const mrpt::obs::CObservationIMU& observation) {
     using namespace mrpt::obs;
-    for (const auto index : {IMU_WX, IMU_WY, IMU_WZ, IMU_X_ACC, IMU_Y_ACC, IMU_Z_ACC})
-        if (!observation.has(index)) return {};
+    for (const auto index : {IMU_WX, IMU_WY, IMU_WZ, IMU_X_ACC, IMU_Y_ACC, IMU_Z_ACC}) {
+        // A damaged file's flags are bytes of any value, which must not be read as bool.
+        unsigned char present = 0;
+        std::memcpy(&present, &observation.dataIsPresent[index], 1);
+        if (present == 0) return {};
+    }
     ImuReading reading;
     reading.t = from_mrpt(observation.timestamp);
-    reading.gyro = {observation.get(IMU_WX), observation.get(IMU_WY), observation.get(IMU_WZ)};
-    reading.accel = {observation.get(IMU_X_ACC), observation.get(IMU_Y_ACC),
-                     observation.get(IMU_Z_ACC)};
+    const auto& values = observation.rawMeasurements;
+    reading.gyro = {values[IMU_WX], values[IMU_WY], values[IMU_WZ]};
+    reading.accel = {values[IMU_X_ACC], values[IMU_Y_ACC], values[IMU_Z_ACC]};
     return reading;
 }
 
