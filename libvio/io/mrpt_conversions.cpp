@@ -23,9 +23,9 @@ using mrpt::img::DistortionModel;
 constexpr std::int64_t kNanosecondsPerTick = 100;
 // MRPT counts from 1601-01-01: ticks up to the UNIX epoch.
 constexpr std::int64_t kTicksToUnixEpoch = 116444736000000000LL;
-// About 127 years around that epoch: differences of nanoseconds hold in 64 bits. No stamp, and
+// About 145 years around that epoch: differences of nanoseconds hold in 64 bits. No stamp, and
 // those of damaged files, are put to the end.
-constexpr std::int64_t kMostTicks = 40000000000000000LL;
+constexpr std::int64_t kMostTicks = 46000000000000000LL;
 
 // Keeps the angular derivatives finite at gimbal lock.
 constexpr double kMinCosPitch = 1e-9;

@@ -32,9 +32,9 @@ inline Written as_written(const Simulation& simulation) {
     Written out{simulation.rig(), {}};
     for (const StreamEntry& entry : simulation.stream()) {
         const auto i = static_cast<std::size_t>(entry.index);
-        if (entry.kind == StreamEntry::Kind::kImu) out.messages.push_back(simulation.imu()[i]);
+        if (entry.kind == StreamEntry::Kind::kImu) out.messages.emplace_back(simulation.imu()[i]);
         if (entry.kind == StreamEntry::Kind::kImage)
-            out.messages.push_back(simulation.tracks().frames[i]);
+            out.messages.emplace_back(simulation.tracks().frames[i]);
     }
     return out;
 }
