@@ -125,6 +125,7 @@ std::string trouble_text(const std::vector<Outcome>& outcomes) {
     size_t troubled = 0;
     std::string first;
     for (const Outcome& outcome : outcomes) {
+        if (!outcome.summary.is_object()) continue;  // failed
         std::string text;
         for (const auto& event : outcome.summary.value("events", nlohmann::json::array()))
             if (text.empty() && event.value("text", "").rfind("started", 0) != 0)

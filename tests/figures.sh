@@ -143,8 +143,10 @@ if [[ -d $DATA/euroc_imu_april ]]; then
         taskset -c 0 "$VIO_SLAM" calibrate imu-camera "$OUT/april.rawlog" \
             --board "$DATA/euroc_imu_april/target.csv" -o "$OUT/rig.ini" $start |
             grep -E '^(residual|T_I_C|1 sigma|time offset|moved)'
-        awk '/^T_B_C/ { printf "from the published: %.2f mm\n", 1e3 * sqrt(($3 + 0.0216401455)^2 +
-            ($4 + 0.064676986768)^2 + ($5 - 0.00981073059)^2) }' "$OUT/rig.ini"
+        awk '/^T_B_C/ {
+            x = $3 + 0.0216401455; y = $4 + 0.064676986768; z = $5 - 0.00981073059
+            printf "from the published: %.2f mm\n", 1e3 * sqrt(x * x + y * y + z * z)
+        }' "$OUT/rig.ini"
     done
 fi
 
