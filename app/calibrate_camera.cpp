@@ -102,12 +102,7 @@ void add_calibrate_camera(CLI::App& calibrate_command) {
                      "Folder of images, or rawlog with images of the board or with its corners as "
                      "features")
         ->required();
-    command
-        ->add_option("--board", arguments->board,
-                     "Kalibr's target.yaml (aprilgrid, checkerboard), or rows id,x,y,z [m] of the "
-                     "points that the features' ids name")
-        ->required();
-    command->add_option("-o,--output", arguments->output, "Calibration file to write")->required();
+    add_board_options(*command, arguments->board, arguments->output);
     command->add_option("--model", arguments->options.model, "Kind of camera")
         ->check(CLI::IsMember({"perspective", "fisheye"}))
         ->capture_default_str();

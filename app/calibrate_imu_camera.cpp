@@ -115,12 +115,7 @@ void add_calibrate_imu_camera(CLI::App& calibrate_command) {
                      "Recording with IMU and with images of the board, or with its corners as "
                      "features; the camera's intrinsics in it or in --calibration")
         ->required();
-    command
-        ->add_option("--board", arguments->board,
-                     "Kalibr's target.yaml (aprilgrid, checkerboard), or rows id,x,y,z [m] of the "
-                     "points that the features' ids name")
-        ->required();
-    command->add_option("-o,--output", arguments->output, "Calibration file to write")->required();
+    add_board_options(*command, arguments->board, arguments->output);
     add_calibration_option(*command, recording.calibration_files);
     command->add_option("--camera-label", recording.camera_label, "Camera; default: the first");
     command->add_option("--imu-label", recording.imu_label, "IMU; default: the first");

@@ -117,4 +117,13 @@ BoardViews read_board_views(const BoardSource& source, const Board& board) {
     return views;
 }
 
+void add_board_options(CLI::App& command, std::string& board, std::string& output) {
+    command
+        .add_option("--board", board,
+                    "Kalibr's target.yaml (aprilgrid, checkerboard), or rows id,x,y,z [m] of the "
+                    "points that the features' ids name")
+        ->required();
+    command.add_option("-o,--output", output, "Calibration file to write")->required();
+}
+
 }  // namespace vio::app

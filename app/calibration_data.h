@@ -1,6 +1,7 @@
 // What calibrations of cameras start from: corners of a board in images.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -27,5 +28,8 @@ struct BoardSource {
 /// of a folder (in order of their names, a second apart). Shows progress on a terminal. Throws
 /// InputError where there are none.
 BoardViews read_board_views(const BoardSource& source, const Board& board);
+
+/// --board, which read_board() takes, and --output.
+void add_board_options(CLI::App& command, std::string& board, std::string& output);
 
 }  // namespace vio::app

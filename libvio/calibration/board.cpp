@@ -25,4 +25,15 @@ Board make_april_grid(int cols, int rows, double tag_size, double spacing) {
     return board;
 }
 
+std::vector<LandmarkEstimate> landmarks_of(const std::map<FeatureId, Fiducial>& points) {
+    std::vector<LandmarkEstimate> landmarks;
+    for (const auto& [id, point] : points) {
+        LandmarkEstimate landmark;
+        landmark.id = id;
+        landmark.p_W = point.p_W;
+        landmarks.push_back(landmark);
+    }
+    return landmarks;
+}
+
 }  // namespace vio

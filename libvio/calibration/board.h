@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <vector>
 
 #include "libvio/batch/batch.h"
 
@@ -23,5 +24,8 @@ struct Board {
 Board make_checkerboard(int cols, int rows, double col_spacing, double row_spacing);
 /// tag_size: edge of a tag's black border [m]; spacing: gap between tags as a share of it.
 Board make_april_grid(int cols, int rows, double tag_size, double spacing);
+
+/// A start for the estimator: the points where they are known to be.
+std::vector<LandmarkEstimate> landmarks_of(const std::map<FeatureId, Fiducial>& points);
 
 }  // namespace vio

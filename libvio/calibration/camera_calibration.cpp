@@ -136,12 +136,7 @@ CameraCalibration calibrate_camera(const std::vector<FeatureFrame>& frames, cons
             start.states.push_back(state);
             problem.frames.push_back(frame);
         }
-    for (const auto& [id, fiducial] : board.points) {
-        LandmarkEstimate landmark;
-        landmark.id = id;
-        landmark.p_W = fiducial.p_W;
-        start.landmarks.push_back(landmark);
-    }
+    start.landmarks = landmarks_of(board.points);
 
     // 2. Everything.
     BatchOptions batch;

@@ -7,6 +7,7 @@
 
 #include "libvio/base/errors.h"
 #include "libvio/base/median.h"
+#include "libvio/calibration/board.h"
 #include "libvio/calibration/board_pose.h"
 
 namespace vio {
@@ -164,12 +165,7 @@ Estimate start_from(const std::vector<Sight>& sights, const BatchProblem& proble
     }
     if (!(force.norm() > 0)) fail("the accelerometer reads zero; check the recording");
     start.g_W = -gravity_norm * force.normalized();
-    for (const auto& [id, fiducial] : problem.fiducials) {
-        LandmarkEstimate landmark;
-        landmark.id = id;
-        landmark.p_W = fiducial.p_W;
-        start.landmarks.push_back(landmark);
-    }
+    start.landmarks = landmarks_of(problem.fiducials);
     return start;
 }
 

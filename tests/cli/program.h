@@ -1,13 +1,16 @@
 // The program vio-slam run as its users run it.
 #pragma once
 
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 namespace vio::test {
 
@@ -36,6 +39,17 @@ inline ProgramResult vio_slam(const std::string& arguments, const std::string& f
     result.out = read_text(out);
     result.err = read_text(err);
     return result;
+}
+
+/// A failure with one line on stderr that begins as promised and contains each of the words.
+inline void expect_one_line(const ProgramResult& result, const std::vector<std::string>& words,
+                            const std::string& what = "") {
+    EXPECT_GT(result.exit_code, 0) << what << "\n" << result.out << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
+    for (const std::string& word : words)
+        EXPECT_NE(result.err.find(word), std::string::npos)
+            << what << "\n\"" << word << "\" is not in: " << result.err;
 }
 
 }  // namespace vio::test

@@ -30,13 +30,7 @@ class Calibrate : public ::testing::Test {
         return folder_ / name;
     }
     void expect_error(const std::string& arguments, const std::vector<std::string>& words) {
-        const ProgramResult result = run(arguments);
-        EXPECT_GT(result.exit_code, 0) << arguments;
-        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
-        EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
-        for (const std::string& word : words)
-            EXPECT_NE(result.err.find(word), std::string::npos)
-                << arguments << "\n\"" << word << "\" is not in: " << result.err;
+        expect_one_line(run(arguments), words, arguments);
         EXPECT_FALSE(std::filesystem::exists(folder_ / "out.ini"));
     }
     std::string out() const { return " -o " + folder_ / "out.ini"; }

@@ -47,10 +47,7 @@ class FileFaults : public ::testing::Test {
 
     static void expect_one_line(const ProgramResult& result, const std::string& words) {
         EXPECT_EQ(result.exit_code, 1) << result.out << result.err;
-        EXPECT_EQ(result.err.rfind("vio-slam: error: ", 0), 0u) << result.err;
-        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
-        EXPECT_NE(result.err.find(words), std::string::npos)
-            << words << " is not in " << result.err;
+        test::expect_one_line(result, {words});
     }
 
     ScratchFolder folder_;
