@@ -9,8 +9,8 @@ namespace vio::app {
 namespace {
 
 // Each declares one kind; see app/calibrate.h.
-constexpr void (*kKinds[])(CLI::App&) = {add_calibrate_mirror, add_calibrate_camera,
-                                         add_calibrate_imu_camera, add_calibrate_imu};
+constexpr void (*kKinds[])(CLI::App&) = {add_calibrate_imu, add_calibrate_camera,
+                                         add_calibrate_imu_camera, add_calibrate_mirror};
 
 }  // namespace
 

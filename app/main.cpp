@@ -7,6 +7,7 @@
 
 #include "app/commands.h"
 #include "app/manual.h"
+#include "app/usage.h"
 #include "app/version.h"
 #include "libvio/base/errors.h"
 
@@ -73,7 +74,7 @@ int main(int argc, char** argv) {
             return report_error("no command given; see vio-slam --help", 2);
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
-        return report_error(std::string(error.what()) + "; see vio-slam --help", 2);
+        return report_error(vio::app::usage_error(program, error), 2);
     } catch (const vio::InputError& error) {
         return report_error(error.what(), 1);
     } catch (const std::exception& error) {

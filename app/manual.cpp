@@ -37,12 +37,6 @@ std::string capitals(std::string text) {
     return text;
 }
 
-// "vio-slam calibrate imu"
-std::string full_name(const CLI::App& app) {
-    const CLI::App* parent = app.get_parent();
-    return parent ? full_name(*parent) + " " + app.get_name() : app.get_name();
-}
-
 bool takes_value(const CLI::Option& option) {
     return option.get_expected_max() > 0;
 }
@@ -148,6 +142,11 @@ std::string command_names(const CLI::App& app) {
 }
 
 }  // namespace
+
+std::string full_name(const CLI::App& app) {
+    const CLI::App* parent = app.get_parent();
+    return parent ? full_name(*parent) + " " + app.get_name() : app.get_name();
+}
 
 std::string manual_page(const CLI::App& program, const std::string& version,
                         const std::string& date) {

@@ -6,6 +6,9 @@
 
 namespace vio::app {
 
+/// "vio-slam calibrate imu"
+std::string full_name(const CLI::App& app);
+
 /// The program with all its commands and their options as one page, man(7) macros. `version` and
 /// `date` (YYYY-MM-DD, may be empty) go into its margins.
 std::string manual_page(const CLI::App& program, const std::string& version,

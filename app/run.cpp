@@ -94,6 +94,8 @@ void run(Arguments arguments) {
         throw InputError("--fiducials is for --estimator batch");
     if (!request.start_folder.empty() && request.estimator != "batch")
         throw InputError("--start-from is for --estimator batch");
+    if (!(request.begin_s < request.end_s))
+        throw InputError("--from and --to: nothing lies between them; --to is to be the later one");
     request.use_imu = arguments.sensors == "image+imu";
     request.warn = [](const Finding& finding) {
         std::printf("%-11s %s\n", to_string(finding.grade), one_line(finding).c_str());

@@ -333,7 +333,7 @@ void save_scene(const COpenGLScene& scene, const std::string& file) {
 
 COpenGLScene::Ptr load_scene(const std::string& file) {
     if (!std::filesystem::is_regular_file(file))
-        throw InputError(file + ": no such file; give a .3Dscene");
+        throw InputError(file + ": no such file; give a results folder, a rawlog or a .3Dscene");
     auto scene = COpenGLScene::Create();
     bool loaded = false;
     try {

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "libvio/base/ini_file.h"
+#include "libvio/base/nearest.h"
 #include "libvio/base/strings.h"
 
 namespace vio {
@@ -91,7 +92,7 @@ void OptionSet::add(std::string name, std::string* value, std::vector<std::strin
                     std::string help) {
     const std::string all = joined(choices);
     add({"", std::move(name), "", all, std::move(help),
-         [=](const std::string& raw) {
+         [=, choices = std::move(choices)](const std::string& raw) {
              const std::string text(trimmed(raw));
              if (std::find(choices.begin(), choices.end(), text) == choices.end())
                  throw InputError("'" + text + "' is none of " + all);
@@ -109,9 +110,14 @@ OptionSet::Option* OptionSet::find(const std::string& section, const std::string
 void OptionSet::assign(const std::string& where, const std::string& section,
                        const std::string& name, const std::string& text) {
     Option* option = find(section, name);
-    if (!option)
-        throw InputError(where + " [" + section + "] " + name +
-                         ": no such option; `vio-slam run --print-options` lists them");
+    if (!option) {
+        std::vector<std::string> names;
+        for (const Option& known : options_) names.push_back(known.section + "." + known.name);
+        const std::string meant = nearest(section + "." + name, names);
+        throw InputError(where + " [" + section + "] " + name + ": no such option; " +
+                         (meant.empty() ? "" : "did you mean " + meant + "? ") +
+                         "`vio-slam run --print-options` lists them");
+    }
     try {
         option->parse(text);
     } catch (const InputError& reason) {

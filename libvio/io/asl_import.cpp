@@ -158,6 +158,11 @@ ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
     if (!fs::exists(yaml) && fs::exists(root.parent_path() / kTumViCamera))
         throw InputError(yaml.string() +
                          ": no such file; for a TUM-VI data set use `import tum-vi`");
+    if (!fs::exists(yaml))
+        throw InputError(
+            yaml.string() +
+            ": no such file; name the folder that holds mav0/, or mav0 itself, and its "
+            "camera folder");
     const AslCamera camera = read_asl_camera(yaml.string());
     Rig rig;
     rig.camera = camera.camera;

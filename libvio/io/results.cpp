@@ -79,11 +79,14 @@ void read_innovations(const std::string& file, Estimate& estimate) {
 void read_summary(const std::string& file, Estimate& estimate) {
     try {
         const auto json = nlohmann::json::parse(read_text(file));
-        for (int k = 0; k < 3; ++k) {
-            estimate.g_W(k) = json.at("gravity").at(static_cast<size_t>(k));
-            for (int c = 0; c < 3; ++c)
-                estimate.gravity_covariance(k, c) =
-                    json.at("gravity_covariance").at(static_cast<size_t>(3 * k + c));
+        const auto& gravity = json.at("gravity");
+        const auto& covariance = json.at("gravity_covariance");
+        for (size_t k = 0; k < 3; ++k) {
+            estimate.g_W(static_cast<Eigen::Index>(k)) = gravity.at(k);
+            for (size_t c = 0; c < 3; ++c)
+                estimate.gravity_covariance(static_cast<Eigen::Index>(k),
+                                            static_cast<Eigen::Index>(c)) =
+                    covariance.at(3 * k + c);
         }
         estimate.has_scale = json.at("has_scale");
     } catch (const nlohmann::json::exception& e) {
@@ -102,7 +105,8 @@ void check_results_folder(const std::string& folder, bool overwrite) {
         throw InputError(folder + ": cannot be made (" + error.message() +
                          "); name a folder that can be written");
     if (!overwrite && fs::exists(path_in(folder, "trajectory.tum")))
-        throw InputError(folder + ": holds results already; name another folder or overwrite");
+        throw InputError(folder +
+                         ": holds results already; name another folder or overwrite (--overwrite)");
     const std::string probe = path_in(folder, "summary.json.probe");
     write_text(probe, "");
     fs::remove(probe, error);
@@ -119,6 +123,8 @@ Estimate read_results(const std::string& folder) {
     const auto file = [&](const char* name) { return path_in(folder, name); };
     if (!fs::is_directory(folder))
         throw InputError(folder + ": no such folder; name a results folder");
+    if (!fs::exists(file("trajectory.tum")))
+        throw InputError(folder + ": holds no trajectory.tum; name a results folder");
     Estimate estimate;
     for (const TimedPose& pose : read_trajectory(file("trajectory.tum"))) {
         StateEstimate state;

@@ -95,6 +95,21 @@ TEST_F(Cli, WrongUseIsOneLine) {
     expect_error("run x.rawlog", {"--output"});
     expect_error("run --set tracker.no_such_option=1 --print-options", {"no_such_option"});
     expect_error("evaluate x", {"--against"});
+    expect_error("run x.rawlog --from 3 --to 2" + output(), {"--from", "--to"});
+}
+
+// What was probably meant, and the help of the command that was understood so far.
+TEST_F(Cli, WrongUseIsToldWithARemedy) {
+    expect_error("rnu x.rawlog", {"rnu: no such command", "did you mean run?", "vio-slam --help"});
+    expect_error("fly", {"there are run, import, "});
+    expect_error("import euroc x", {"euroc: no such command", "asl, tum-vi", "import --help"});
+    expect_error("calibrate",
+                 {"vio-slam calibrate: name one of imu, camera, imu-camera, mirror; "});
+    expect_error("run x.rawlog --outptu x",
+                 {"--outptu: no such option", "did you mean --output?", "vio-slam run --help"});
+    expect_error("info x.rawlog second", {"second: one argument too many"});
+    expect_error("info", {"RAWLOG is required; see vio-slam info --help"});
+    expect_error("run --set iekf.gat=0.9 --print-options", {"did you mean iekf.gate?"});
 }
 
 TEST_F(Cli, MissingFile) {

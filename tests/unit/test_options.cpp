@@ -1,6 +1,7 @@
 // Options as INI text: what is read, what is refused, and that it comes back as it was.
 #include <gtest/gtest.h>
 
+#include "libvio/base/nearest.h"
 #include "libvio/base/options.h"
 #include "libvio/base/strings.h"
 #include "libvio/io/text.h"
@@ -54,6 +55,19 @@ TEST(Options, CommentsMayStandBehindValues) {
     EXPECT_EQ(read.file, "http://host/a;b#c");
     EXPECT_EQ(without_comment("// all of it"), "");
     EXPECT_EQ(without_comment("  1 2 3\t#x"), "1 2 3");
+}
+
+TEST(Options, AMisspeltNameIsToldFromAnother) {
+    const std::vector<std::string> names = {"run", "render", "report", "reproduce", "simulate"};
+    EXPECT_EQ(nearest("run", names), "run");
+    EXPECT_EQ(nearest("rnu", names), "run");
+    EXPECT_EQ(nearest("rendr", names), "render");
+    EXPECT_EQ(nearest("simulates", names), "simulate");
+    EXPECT_EQ(nearest("reprot", names), "report");
+    EXPECT_EQ(nearest("fly", names), "");
+    EXPECT_EQ(nearest("r", names), "");
+    EXPECT_EQ(nearest("", names), "");
+    EXPECT_EQ(nearest("run", {}), "");
 }
 
 TEST(Options, ErrorsNameFileSectionKeyAndReason) {
