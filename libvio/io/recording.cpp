@@ -28,7 +28,7 @@ constexpr TimeNs kScanLimit = 10LL * 1000000000LL;
 fs::path images_directory(const std::string& file) {
     const fs::path path(file);
     for (const char* suffix : {"_Images", "_images", "_IMAGES"}) {
-        const fs::path candidate = path.parent_path() / (path.stem().string() + suffix);
+        fs::path candidate = path.parent_path() / (path.stem().string() + suffix);
         if (fs::is_directory(candidate)) return candidate;
     }
     return path.parent_path() / "Images";
@@ -130,7 +130,7 @@ std::optional<Message> Recording::Impl::convert(const CActionCollection& actions
 std::optional<Message> Recording::Impl::next() {
     const ImageLoader load = [this](const std::string& name) {
         const fs::path path = images_dir / name;
-        const cv::Mat image =  // OpenCV itself would print a warning about a missing file
+        cv::Mat image =  // OpenCV itself would print a warning about a missing file
             fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
         if (image.empty())
             throw InputError("image file " + path.string() +

@@ -59,9 +59,7 @@ class Yaml {
     }
 
     // ASL's T_BS, 16 numbers row by row.
-    Pose T_BS() const {
-        return rigid("T_BS", convert<std::vector<double>>("T_BS data", root_["T_BS"]["data"]));
-    }
+    Pose T_BS() const { return rigid("T_BS", part("T_BS").get<std::vector<double>>("data")); }
 
     double time_shift(double otherwise) const {
         return has("timeshift_cam_imu") ? get<double>("timeshift_cam_imu") : otherwise;

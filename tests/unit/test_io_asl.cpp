@@ -245,6 +245,7 @@ TEST_F(MiniDataSet, BadCalibrationIsNamed) {
               std::string::npos);
     EXPECT_NE(with("intrinsics", "intrinsic").find("(intrinsics): is missing"), std::string::npos);
     EXPECT_NE(with("0.999557249008", "0.5").find("(T_BS)"), std::string::npos);
+    EXPECT_NE(with("T_BS", "T_SB").find("(T_BS): is missing"), std::string::npos);
     EXPECT_NE(with("pinhole", "ocam").find("(camera_model)"), std::string::npos);
     fs::remove(mav0("cam0/sensor.yaml"));
     EXPECT_NE(error().find("no such file"), std::string::npos);
