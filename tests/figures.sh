@@ -167,6 +167,16 @@ for seed in 7 8; do
     done
 done
 
+echo
+echo "check (bar: nothing is said against recordings that are right; the last through a fisheye)"
+for recording in datasets/demo "$OUT"/{mh01,april,v101,lens}; do
+    [[ -f $recording.rawlog ]] || continue
+    begin=$EPOCHREALTIME
+    verdict=$(taskset -c 0 "$VIO_SLAM" check "$recording.rawlog" 2>/dev/null | tail -n 1)
+    printf '%-20s %s, %.1f s\n' "$(basename "$recording")" "$verdict" \
+        "$(awk -v a="$begin" -v b="$EPOCHREALTIME" 'BEGIN { print b - a }')"
+done
+
 if [[ -x build/release/tests/vio_benchmarks ]]; then
     echo
     echo "Cameras: time of a projection (bars: perspective 500 ns, misaligned mirror 2000 ns)"

@@ -21,6 +21,7 @@ constexpr int kRestSpans = 10;        // that make a stretch of rest
 constexpr double kRestSpread = 0.02;  // of the specific force, relative
 constexpr int kTurnSpans = 30;        // of a stretch in which gravity is followed
 constexpr double kTiltWanted = 0.09;  // [rad] rms
+constexpr double kMostLeft = 0.5;  // of the tilt's square, by the gyro, where gravity is to be seen
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kGravity = 9.80665;                      // [m/s^2]
 constexpr double kGravityNear = 0.25, kGravityFar = 0.8;  // [m/s^2] from it
@@ -134,7 +135,12 @@ Finding check_turn(const std::vector<ReadingMean>& means) {
         f.measured = formatted("%.1f deg of tilt, too little to tell", turn.tilt / kDegree);
         return f;
     }
-    if (turn.spread < 2 * turn.best_spread || turn.spread - turn.best_spread < 0.005) return f;
+    if (turn.spread < 2 * turn.best_spread || turn.spread - turn.best_spread < 0.005) {
+        if (turn.spread < kMostLeft * turn.tilt * turn.tilt) return f;
+        f.grade = Grade::untested;
+        f.measured += ": accelerations hide it";
+        return f;
+    }
     f.grade = Grade::error;
     f.measured += formatted("; %.2f %% if ", 1e2 * turn.best_spread / (turn.tilt * turn.tilt));
     if (turn.best_unit != 1) {

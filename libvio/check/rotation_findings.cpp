@@ -19,12 +19,13 @@ constexpr double kGoodAngle = 2 * kDegree, kPoorAngle = 10 * kDegree;
 constexpr double kGoodOffset = 0.005, kPoorOffset = 0.03;  // [s]
 constexpr double kSigmas = 4;                              // below which a deviation is none
 
-// A deviation that could be noise is none; what is beyond `poor` is an error. Where noise hides
-// even that, nothing is told.
+// What is beyond `poor` is an error. Where noise could make the deviation, or hides one that is
+// poor, nothing is told.
 Grade grade(double deviation, double sigma, double good, double poor) {
     if (kSigmas * sigma > 2 * poor) return Grade::untested;
     const double sure = std::abs(deviation) - kSigmas * sigma;
-    if (std::abs(deviation) <= good || sure <= 0) return Grade::ok;
+    if (std::abs(deviation) <= good) return Grade::ok;
+    if (sure <= 0) return Grade::untested;
     return std::abs(deviation) > poor && sure > good ? Grade::error : Grade::warning;
 }
 

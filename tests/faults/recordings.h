@@ -13,12 +13,33 @@
 
 namespace vio::test {
 
-/// Twelve seconds of the stress scenarios' common base: a hand-held camera looks around a room;
-/// features with 0.3 px of noise, a consumer IMU.
+/// Twelve seconds of the stress scenarios' common base, some of whose values are replaced: a
+/// hand-held camera looks around a room; features with 0.3 px of noise, a consumer IMU.
+inline Simulation room_recording(std::vector<std::string> values = {}) {
+    values.insert(values.begin(), {"camera.count=240", "tracks.noise=0.3"});
+    return Simulation(ScenarioOptions::from_file(
+        std::string(VIO_SOURCE_DIR) + "/datasets/stress/base.ini", values));
+}
+
 inline const Simulation& good_recording() {
-    static const Simulation simulation(
-        ScenarioOptions::from_file(std::string(VIO_SOURCE_DIR) + "/datasets/stress/base.ini",
-                                   {"camera.count=240", "tracks.noise=0.3"}));
+    static const Simulation simulation = room_recording();
+    return simulation;
+}
+
+/// The same through a fisheye lens of 190 degrees, and by way of an equiangular mirror above which
+/// nothing is seen and which is tilted by 0.36 degrees.
+inline const Simulation& fisheye_recording() {
+    static const Simulation simulation =
+        room_recording({"camera.model=fisheye", "camera.intrinsics=200 200 319.5 239.5",
+                        "camera.distortion=0.02 -0.005 0.001 0", "camera.max_angle=95"});
+    return simulation;
+}
+inline const Simulation& mirror_recording() {
+    static const Simulation simulation = room_recording(
+        {"camera.model=equiangular_mirror", "camera.intrinsics=2162 2162 319.5 239.5",
+         "camera.distortion=0 0 0 0", "camera.gain=15", "camera.apex_distance=0.15",
+         "camera.rim_radius=0.0172", "camera.blind_radius=0.004",
+         "camera.mirror_pose=0.001 0 0 0 0.3 -0.2", "camera.pose=0.05 0 0.02 0 0 0"});
     return simulation;
 }
 
