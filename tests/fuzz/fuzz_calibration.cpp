@@ -1,4 +1,6 @@
-// Calibration files of every kind, INI and YAML; a camera that is made can be used.
+// Calibration files of every kind, INI and YAML; a camera that is made can be used. Descriptions of
+// boards, and surveyed points.
+#include "libvio/io/board_file.h"
 #include "libvio/io/calibration_file.h"
 #include "tests/fuzz/fuzz_file.h"
 
@@ -16,6 +18,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                         rig.camera->project(ray->origin + ray->direction);
             calibration_text(rig);
         });
+        fuzz::expect_result_or_line([&] { read_board(file); });
     }
     return 0;
 }
