@@ -84,6 +84,9 @@ void add_options(CLI::App& command, ComparisonOptions& options, bool against_req
                     "Widest gap in the truth that is interpolated over [s]; default: 2.5 times "
                     "its median interval")
         ->check(CLI::PositiveNumber);
+    command.add_option("--at", evaluation.at_s,
+                       "Judge only the poses nearest to these times after the truth's first [s], "
+                       "as where a machine passes known points");
     CLI::Option* offset = command.add_option("--time-offset", evaluation.time_offset_s,
                                              "Truth's stamp minus estimate's [s]");
     command

@@ -3,7 +3,6 @@
 namespace vio::app {
 namespace {
 
-constexpr const char* kSim3 = "--align sim3";
 constexpr const char* kOwnWeights = "the batch estimate weighted by the readings' noise";
 
 }  // namespace
@@ -22,7 +21,7 @@ Cell arm(const PaperSetup& setup, int seed, const std::string& run) {
     Cell cell;
     cell.simulate = scenario(setup, "perspective_arm", seed);
     cell.run = run;
-    cell.evaluate = kSim3;
+    cell.evaluate = at_control_points(kArmInterval, 7);
     return cell;
 }
 
@@ -33,6 +32,7 @@ Cell started_from(Cell cell, const Cell& start) {
 
 Cell slowed(Cell cell, int factor, int seed) {
     if (factor == 1) return cell;
+    cell.evaluate = at_control_points(factor * kArmInterval, 7);
     cell.slow = "--factor " + std::to_string(factor) + " --seed " + std::to_string(seed);
     cell.run += " --set batch.gravity_norm=" + fixed(9.81 / (factor * factor), 6);
     return cell;

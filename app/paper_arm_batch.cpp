@@ -8,7 +8,6 @@
 namespace vio::app {
 namespace {
 
-constexpr const char* kSim3 = "--align sim3";
 constexpr const char* kVariances[] = {"1e-8", "1e-7", "1e-6", "1e-5", "1e-4", "1e-3"};
 constexpr const char* kFixedWeights =
     "it weighs rotation, velocity and position by one variance, while what the readings' noise "
@@ -211,7 +210,7 @@ Cell table4_cell(const PaperSetup& setup, Perturbed perturbed, int trial) {
     cell.simulate = scenario(setup, name, trial,
                              perturbed == Perturbed::kProjections ? "" : "--set tracks.noise=0");
     cell.run = paper_batch("1e-5");
-    cell.evaluate = kSim3;
+    cell.evaluate = at_control_points(kArmInterval, 7);
     cell = image_only(cell);
     // What is left of the error of exact data is how far the minimisation goes.
     if (perturbed == Perturbed::kNothing) cell.run += " --set batch.cost_tolerance=1e-12";

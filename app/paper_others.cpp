@@ -9,7 +9,6 @@
 namespace vio::app {
 namespace {
 
-constexpr const char* kSim3 = "--align sim3";
 // Sections 9 and 10 have one long recording each, and so has this.
 constexpr int kSeed = 1;
 
@@ -28,7 +27,7 @@ std::vector<Cell> omni(const PaperSetup& setup, int experiment, const std::strin
         Cell cell;
         cell.simulate = scenario(setup, "omnidirectional_arm_" + std::to_string(experiment), seed);
         cell.run = run;
-        cell.evaluate = kSim3;
+        cell.evaluate = at_control_points(experiment == 1 ? 0.84 : 1.68, 7);
         cells.push_back(cell);
     }
     return cells;
@@ -158,7 +157,8 @@ Cell crane(const PaperSetup& setup, const std::string& run) {
     Cell cell;
     cell.simulate = scenario(setup, "crane", kSeed);
     cell.run = run;
-    cell.evaluate = kSim3;
+    cell.evaluate =
+        at_control_points({0, 36.6, 63.2, 89.8, 116.4, 143, 169.6, 196.2, 222.8, 249.4, 286});
     return cell;
 }
 

@@ -168,13 +168,33 @@ std::string explanation(const std::vector<Outcome>& outcomes,
     return joined(sentences, ". ");
 }
 
+Evaluation over_all_images(const Outcome& outcome) {
+    ComparisonOptions how;
+    how.alignment = "sim3";
+    return compare(read_judged(outcome.result), read_reference(outcome.truth), how);
+}
+
+// Translation error in cm, as "average / maximum" over the images; means over the recordings.
+std::string all_images_text(const std::vector<Outcome>& outcomes) {
+    double mean = 0, max = 0;
+    int count = 0;
+    for (const Outcome& outcome : outcomes) {
+        if (!outcome.ok) continue;
+        const Evaluation e = over_all_images(outcome);
+        mean += 100 * e.position.mean, max += 100 * e.position.max;
+        ++count;
+    }
+    if (count == 0) return "N/A";
+    return pair_text(mean / count, max / count, digits_for(mean / count, 2));
+}
+
 }  // namespace
 
 Comparison::Comparison(std::vector<std::string> labels, bool with_iterations)
     : with_iterations_(with_iterations) {
     table_.header = std::move(labels);
-    for (const char* name :
-         {"rotation [rad]", "paper", "translation [cm]", "paper", "scale error", "paper"})
+    for (const char* name : {"rotation [rad]", "paper", "translation [cm]", "paper",
+                             "over all images", "scale error", "paper"})
         table_.header.push_back(name);
     if (with_iterations)
         for (const char* name : {"iterations", "paper"}) table_.header.push_back(name);
@@ -200,6 +220,7 @@ void Comparison::add(const std::vector<std::string>& labels, const std::vector<O
                   digits_for(cm * ours.position_mean, 2)),
         paper_pair(paper.position_mean, paper.position_max,
                    paper.position_mean > 0 ? digits_for(paper.position_mean, 1) : 1));
+    row.push_back(all_images_text(outcomes));
     add(ours.scale.has_value(), ours.scale ? fixed(percent * *ours.scale_size, 1) + " %" : "",
         paper.scale == kNone ? "N/A" : fixed(paper.scale, 1) + " %");
     if (with_iterations_)
@@ -264,6 +285,18 @@ std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
     return "\"" + setup.datasets + "/" + name +
            ".ini\" --set images.render=false --set scenario.seed=" + std::to_string(seed) +
            (arguments.empty() ? "" : " " + arguments);
+}
+
+std::string at_control_points(const std::vector<double>& times) {
+    std::string text = "--align sim3 --at";
+    for (const double t : times) text += " " + fixed(t, 2);
+    return text;
+}
+
+std::string at_control_points(double interval, int count) {
+    std::vector<double> times;
+    for (int i = 0; i < count; ++i) times.push_back(i * interval);
+    return at_control_points(times);
 }
 
 std::string paper_batch(const std::string& variance, const std::string& arguments) {

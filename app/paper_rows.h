@@ -69,6 +69,12 @@ Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int c
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments = "");
 
+/// Arguments of `evaluate`: the paper's error metrics, at the times [s] of the control points,
+/// which are all that it has as truth of the arm (7) and of the crane (11).
+std::string at_control_points(const std::vector<double>& times);
+/// The same for points that are passed every `interval` seconds, the first at the start.
+std::string at_control_points(double interval, int count);
+
 /// Arguments of `run` as the paper has them. Batch: fixed variances, free gravity, constant biases,
 /// no robust loss; 2 px.
 std::string paper_batch(const std::string& variance, const std::string& arguments = "");

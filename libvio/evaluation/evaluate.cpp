@@ -57,6 +57,27 @@ void settle_time(const std::vector<TimedPose>& estimate, const std::vector<Timed
     e.time_offset_estimated = true;
 }
 
+// Of poses in the order of time, the one nearest to each of the times, unless it is farther away
+// than the next would be.
+std::vector<PosePair> nearest_pairs(const std::vector<PosePair>& pairs, std::vector<double> at_s,
+                                    TimeNs origin) {
+    std::vector<TimeNs> steps;
+    for (size_t i = 1; i < pairs.size(); ++i) steps.push_back(pairs[i].t - pairs[i - 1].t);
+    const TimeNs reach = steps.empty() ? 0 : median(std::move(steps));
+    std::sort(at_s.begin(), at_s.end());
+    std::vector<PosePair> chosen;
+    for (const double at : at_s) {
+        const TimeNs t = origin + from_seconds(at);
+        const auto distance = [t](const PosePair& pair) { return std::abs(pair.t - t); };
+        const auto nearest = std::min_element(
+            pairs.begin(), pairs.end(),
+            [&](const PosePair& a, const PosePair& b) { return distance(a) < distance(b); });
+        if (nearest == pairs.end() || distance(*nearest) > reach) continue;
+        if (chosen.empty() || chosen.back().t != nearest->t) chosen.push_back(*nearest);
+    }
+    return chosen;
+}
+
 std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
                                        const std::vector<TimedPose>& truth,
                                        const EvaluationOptions& options, const Evaluation& e) {
@@ -73,8 +94,10 @@ std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
         throw InputError(both + "no pose lies between rows of truth at most " +
                          seconds_text(from_seconds(e.max_gap_s)) + " apart; allow a wider gap");
     }
-    if (pairs.size() == 1)
-        throw InputError(both + "only one pose has truth at its time; at least two are needed");
+    if (!options.at_s.empty()) pairs = nearest_pairs(pairs, options.at_s, truth.front().t);
+    if (pairs.size() < 2)
+        throw InputError(both + (pairs.empty() ? "no" : "only one") +
+                         " pose has truth at its time; at least two are needed");
     for (PosePair& pair : pairs) pair.estimate = pair.estimate * options.T_B_T;
     return pairs;
 }

@@ -405,6 +405,23 @@ TEST(Evaluate, BadInputIsOneLineThatNamesItsPlace) {
     expect(between, good, "wider gap");
 }
 
+// A machine's control points: the rest of the path counts neither for the alignment nor for errors.
+TEST(Evaluate, JudgesAtGivenTimesAlone) {
+    const auto path = winding_path();
+    auto estimate = transformed(some_similarity(1), path);
+    for (size_t i = 0; i < estimate.size(); ++i)
+        if (i % 20 != 0) estimate[i].T_W_B.p.x() += 0.5;
+    EvaluationOptions options;
+    options.at_s = {4.01, 0, 1, 2.02, 3, 9};  // the nearest; the last is beyond the path
+    const Evaluation e = evaluate(estimate, path, options);
+    EXPECT_EQ(e.associated_poses, 5);
+    EXPECT_LT(e.position.max, kTight);
+    EXPECT_EQ(e.errors.back().estimate_idx, 80);
+    options.at_s = {2, 2.01};
+    EXPECT_NE(message_of([&] { evaluate(estimate, path, options); }).find("only one pose"),
+              std::string::npos);
+}
+
 // The clocks differ; the path's speed makes the offset observable.
 TEST(Evaluate, FindsTheTimeOffset) {
     const auto path = winding_path(201);
