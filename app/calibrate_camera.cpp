@@ -6,9 +6,9 @@
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
 #include "libvio/base/errors.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/calibration/camera_calibration.h"
 #include "libvio/camera/intrinsics.h"
-#include "libvio/io/board_file.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/text.h"
 

@@ -6,9 +6,9 @@
 #include "app/calibration_data.h"
 #include "app/calibration_option.h"
 #include "libvio/base/errors.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/calibration/imu_camera.h"
 #include "libvio/camera/intrinsics.h"
-#include "libvio/io/board_file.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/text.h"
 

@@ -1,12 +1,15 @@
 // vio-slam calibrate mirror: where a mirror sits before its camera.
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <memory>
 
 #include "app/calibrate.h"
+#include "app/calibration_data.h"
 #include "libvio/base/errors.h"
+#include "libvio/calibration/board_file.h"
+#include "libvio/calibration/mirror_calibration.h"
 #include "libvio/camera/description.h"
-#include "libvio/camera/mirror_calibration.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/text.h"
 
@@ -16,21 +19,43 @@ namespace {
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Arguments {
-    std::string points, calibration, output;
+    std::string source, board, calibration, output;
     std::vector<double> camera_pose;
     double sigma_px = 0;
     bool residuals = false;
 };
 
-std::vector<CalibrationTarget> read_targets(const std::string& file) {
-    std::vector<CalibrationTarget> targets;
+// What images show, and where it is. Rows of a file are numbered from 0 on.
+struct Targets {
+    std::vector<FeatureFrame> frames;
+    std::map<FeatureId, Fiducial> places;
+};
+
+Targets targets_of_file(const std::string& file) {
+    Targets targets;
+    targets.frames.resize(1);
     TextRows row(file);
-    while (row.next()) {
+    for (FeatureId id = 0; row.next(); ++id) {
         row.require(5);
-        targets.push_back(
-            {{row.number(0), row.number(1), row.number(2)}, {row.number(3), row.number(4)}});
+        targets.places[id].p_W = {row.number(0), row.number(1), row.number(2)};
+        targets.frames[0].features.push_back({id, {row.number(3), row.number(4)}});
     }
     return targets;
+}
+
+Targets targets_of_board(const Arguments& arguments, const CameraPtr& camera) {
+    const Board board = read_board(arguments.board);
+    BoardSource source;
+    source.path = arguments.source;
+    source.camera = camera;
+    source.recording.calibration_files = {arguments.calibration};
+    const BoardViews views = read_board_views(source, board);
+    if (views.width != camera->width() || views.height != camera->height())
+        throw InputError(source.path + ": images are " + std::to_string(views.width) + " x " +
+                         std::to_string(views.height) + ", the camera's in " +
+                         arguments.calibration + " " + std::to_string(camera->width()) + " x " +
+                         std::to_string(camera->height()));
+    return {views.frames, board.points};
 }
 
 Pose pose_from(const std::vector<double>& v) {
@@ -40,17 +65,22 @@ Pose pose_from(const std::vector<double>& v) {
     return {q.normalized().toRotationMatrix(), {v[0], v[1], v[2]}};
 }
 
-void print(const MirrorCalibration& result, const std::vector<CalibrationTarget>& targets,
-           bool all_residuals) {
+void print(const MirrorCalibration& result, const Pose& before, bool all_residuals) {
     double largest = 0;
-    for (const Eigen::Vector2d& r : result.residuals_px) largest = std::max(largest, r.norm());
-    std::printf(
-        "targets     %zu, residual RMS %.3f px per coordinate, largest %.3f px, %d iterations\n",
-        targets.size(), result.rms_px, largest, result.iterations);
+    for (const auto& r : result.residuals) largest = std::max(largest, r.error_px.norm());
+    std::printf("targets     %zu in %zu image%s, %d dropped as outliers\n", result.residuals.size(),
+                result.views.size(), result.views.size() == 1 ? "" : "s", result.outliers);
+    std::printf("residual    RMS %.3f px per coordinate, largest %.3f px, %d iterations\n",
+                result.rms_px, largest, result.iterations);
     print_transform("T_C_M", result.T_C_M);
     print_transform("T_M_C", result.T_C_M.inverse());
-    print_transform("T_G_C", result.T_G_C);
-    print_transform("T_C_G", result.T_G_C.inverse());
+    if (result.views.size() == 1) {
+        print_transform("T_G_C", result.views[0].T_G_C);
+        print_transform("T_C_G", result.views[0].T_G_C.inverse());
+    }
+    const Vector6d moved = result.T_C_M.boxminus(before);
+    std::printf("moved by    %.4f deg and %.3f mm from what was stated\n",
+                moved.head<3>().norm() / kDegree, 1e3 * moved.tail<3>().norm());
     const Vector6d sigma = result.covariance.diagonal().cwiseSqrt();
     std::printf(
         "1 sigma     (for %.3f px) rotation about the mirror's x, y %.4f %.4f deg, about its axis "
@@ -64,10 +94,10 @@ void print(const MirrorCalibration& result, const std::vector<CalibrationTarget>
         std::printf("\n");
     }
     if (!all_residuals) return;
-    std::printf("residuals   u v [px], seen less predicted, at u v [px]\n");
-    for (std::size_t i = 0; i < targets.size(); ++i)
-        std::printf(" %8.3f %8.3f  at %8.2f %8.2f\n", result.residuals_px[i].x(),
-                    result.residuals_px[i].y(), targets[i].uv_px.x(), targets[i].uv_px.y());
+    std::printf("residuals   u v [px], seen less predicted, at u v [px], of target\n");
+    for (const auto& r : result.residuals)
+        std::printf(" %8.3f %8.3f  at %8.2f %8.2f  %lld\n", r.error_px.x(), r.error_px.y(),
+                    r.uv_px.x(), r.uv_px.y(), static_cast<long long>(r.id));
 }
 
 void calibrate_mirror(const Arguments& arguments) {
@@ -77,17 +107,18 @@ void calibrate_mirror(const Arguments& arguments) {
     if (!nominal)
         throw InputError(arguments.calibration +
                          ": has no camera of a *_mirror model; describe the mirror in [camera]");
-    const auto targets = read_targets(arguments.points);
+    const Targets targets = arguments.board.empty() ? targets_of_file(arguments.source)
+                                                    : targets_of_board(arguments, nominal);
     MirrorCalibrationOptions options;
     options.sigma_px = arguments.sigma_px;
     if (!arguments.camera_pose.empty()) options.T_G_C = pose_from(arguments.camera_pose);
     MirrorCalibration result;
     try {
-        result = vio::calibrate_mirror(*nominal, targets, options);
+        result = vio::calibrate_mirror(*nominal, targets.frames, targets.places, options);
     } catch (const InputError& reason) {
-        throw InputError(arguments.points + ": " + reason.what());
+        throw InputError(arguments.source + ": " + reason.what());
     }
-    print(result, targets, arguments.residuals);
+    print(result, nominal->parameters().T_C_M, arguments.residuals);
     MirrorParameters parameters = nominal->parameters();
     parameters.T_C_M = result.T_C_M;
     rig.camera = std::make_shared<MirrorCamera>(parameters);
@@ -99,12 +130,16 @@ void calibrate_mirror(const Arguments& arguments) {
 
 void add_calibrate_mirror(CLI::App& calibrate) {
     CLI::App* mirror = calibrate.add_subcommand(
-        "mirror", "Place of a mirror before its camera (T_C_M), from one image of known targets");
+        "mirror", "Place of a mirror before its camera (T_C_M), from images of known targets");
     auto arguments = std::make_shared<Arguments>();
     mirror
-        ->add_option("POINTS", arguments->points,
-                     "Text, a row for each target: x y z [m] in any frame G, u v [px]")
+        ->add_option(
+            "TARGETS", arguments->source,
+            "Text, a row for each target of one image: x y z [m] in any frame G, u v [px]; "
+            "with --board: image, folder of images, or rawlog")
         ->required();
+    mirror->add_option("--board", arguments->board,
+                       "Kalibr's target.yaml (aprilgrid, checkerboard) of the board in the images");
     mirror
         ->add_option("--calibration", arguments->calibration,
                      "Calibration with the camera and the mirror's shape, T_C_M as far as known")
@@ -112,8 +147,8 @@ void add_calibrate_mirror(CLI::App& calibrate) {
     mirror->add_option("-o,--output", arguments->output, "Calibration file to write")->required();
     mirror
         ->add_option("--camera-pose", arguments->camera_pose,
-                     "Camera in G where known: x y z [m] qx qy qz qw; default: found from the "
-                     "targets, which must not lie in one plane")
+                     "Camera in G where known, for one image: x y z [m] qx qy qz qw; default: "
+                     "found, too")
         ->expected(7);
     mirror
         ->add_option("--sigma-px", arguments->sigma_px,

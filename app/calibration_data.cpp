@@ -8,6 +8,7 @@
 #include "app/progress.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_detector.h"
+#include "libvio/camera/description.h"
 
 namespace vio::app {
 namespace {
@@ -19,8 +20,15 @@ class Collector {
  public:
     Collector(BoardViews& views, const Board& board) : views_(views), board_(board) {}
 
+    /// That takes the images, as far as known.
+    void set_camera(const CameraPtr& camera) {
+        const bool mirrors =
+            camera && (is_mirror_model(camera->model_name()) || describe(*camera).mirror);
+        camera_ = mirrors ? camera : nullptr;
+    }
+
     void add(TimeNs t, const cv::Mat& image, const std::string& name) {
-        if (!detector_) detector_.emplace(board_);
+        if (!detector_) detector_.emplace(board_, camera_);
         if (views_.width > 0 && (image.cols != views_.width || image.rows != views_.height))
             throw InputError(name + ": is " + std::to_string(image.cols) + " x " +
                              std::to_string(image.rows) + ", others are " +
@@ -44,16 +52,12 @@ class Collector {
  private:
     BoardViews& views_;
     const Board& board_;
+    CameraPtr camera_;  // if it shows boards as they are not
     std::optional<BoardDetector> detector_;
 };
 
-void read_folder(const std::string& folder, Collector& collector) {
-    std::vector<fs::path> files;
-    for (const auto& entry : fs::directory_iterator(folder))
-        if (entry.is_regular_file() && cv::haveImageReader(entry.path().string()))
-            files.push_back(entry.path());
+void read_images(std::vector<fs::path> files, Collector& collector) {
     std::sort(files.begin(), files.end());
-    if (files.empty()) throw InputError(folder + ": holds no images");
     Progress progress("looking for the board");
     for (size_t k = 0; k < files.size(); ++k) {
         const cv::Mat image = cv::imread(files[k].string(), cv::IMREAD_GRAYSCALE);
@@ -63,9 +67,19 @@ void read_folder(const std::string& folder, Collector& collector) {
     }
 }
 
+std::vector<fs::path> images_in(const std::string& folder) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.is_regular_file() && cv::haveImageReader(entry.path().string()))
+            files.push_back(entry.path());
+    if (files.empty()) throw InputError(folder + ": holds no images");
+    return files;
+}
+
 void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collector) {
     Recording recording(source.path, source.recording);
     views.rig = recording.rig();
+    collector.set_camera(views.rig.camera);
     if (!recording.has_images() && !recording.has_features())
         throw InputError(source.path +
                          ": no images and no features; name the camera with "
@@ -106,8 +120,11 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
 BoardViews read_board_views(const BoardSource& source, const Board& board) {
     BoardViews views;
     Collector collector(views, board);
+    collector.set_camera(source.camera);
     if (fs::is_directory(source.path))
-        read_folder(source.path, collector);
+        read_images(images_in(source.path), collector);
+    else if (fs::exists(source.path) && cv::haveImageReader(source.path))
+        read_images({source.path}, collector);
     else
         read_rawlog(source, views, collector);
     if (views.frames.empty())

@@ -19,13 +19,15 @@ struct BoardViews {
 };
 
 struct BoardSource {
-    std::string path;  ///< rawlog, or folder of images
+    std::string path;  ///< rawlog, folder of images, or image
+    /// Of a folder's images or an image, as far as known: for BoardDetector.
+    CameraPtr camera;
     RecordingOptions recording;
     double begin_s = 0, end_s = 1e18;  ///< part of a rawlog, from its first measurement on
 };
 
-/// From a rawlog's features, whose ids are the corners', or else from images: a rawlog's, or those
-/// of a folder (in order of their names, a second apart). Shows progress on a terminal. Throws
+/// From a rawlog's features, whose ids are the corners', or else from images: a rawlog's, those of
+/// a folder (in order of their names, a second apart), or one. Shows progress on a terminal. Throws
 /// InputError where there are none.
 BoardViews read_board_views(const BoardSource& source, const Board& board);
 

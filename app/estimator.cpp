@@ -5,7 +5,7 @@
 #include <sstream>
 #include <utility>
 
-#include "libvio/io/board_file.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/io/results.h"
 
 namespace vio::app {

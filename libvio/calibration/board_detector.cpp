@@ -6,6 +6,7 @@
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "libvio/base/errors.h"
 
@@ -32,6 +33,29 @@ int window_for(double square_px) {
 }
 
 }  // namespace
+
+// An image, and where its board is looked for: in itself or in a view of it.
+struct BoardDetector::Look {
+    const cv::Mat& image;
+    cv::Mat view;
+    const PerspectiveViews* views = nullptr;
+    int view_idx = 0;
+
+    // Places in the image of places in the view; empty unless all are inside, with such a border.
+    std::vector<cv::Point2f> in_image(const std::vector<cv::Point2f>& in_view,
+                                      float border_px = 0) const {
+        std::vector<cv::Point2f> places;
+        for (const cv::Point2f& p : in_view) {
+            const auto place = views ? views->in_image(view_idx, p) : p;
+            if (!place || !(place->x >= border_px && place->y >= border_px &&
+                            place->x <= static_cast<float>(image.cols - 1) - border_px &&
+                            place->y <= static_cast<float>(image.rows - 1) - border_px))
+                return {};
+            places.push_back(*place);
+        }
+        return places;
+    }
+};
 
 #ifdef VIO_HAVE_APRILTAG
 
@@ -131,28 +155,24 @@ std::map<int, Quad> BoardDetector::Tags::find(const cv::Mat& image, int ids) con
     return quads;
 }
 
-std::vector<FeatureObservation> BoardDetector::detect_tags(const cv::Mat& image) const {
-    std::vector<FeatureObservation> corners;
-    for (const auto& [id, quad] : tags_->find(image, board_.cols * board_.rows)) {
-        std::vector<cv::Point2f> places(quad.begin(), quad.end());
-        double edge_px = cv::norm(quad[3] - quad[0]);
-        for (int c = 0; c < 3; ++c) edge_px = std::min(edge_px, cv::norm(quad[c] - quad[c + 1]));
-        if (!std::all_of(places.begin(), places.end(), [&](const cv::Point2f& p) {
-                return p.x >= kBorder_px && p.y >= kBorder_px &&
-                       p.x <= image.cols - 1 - kBorder_px && p.y <= image.rows - 1 - kBorder_px;
-            }))
-            continue;
-        refine(image, places, window_for(0.25 * edge_px));  // the gap between tags, or a bit
+void BoardDetector::find_tags(const Look& look, std::vector<FeatureObservation>& corners) const {
+    for (const auto& [id, quad] : tags_->find(look.view, board_.cols * board_.rows)) {
+        std::vector<cv::Point2f> places = look.in_image({quad.begin(), quad.end()}, kBorder_px);
+        if (places.empty()) continue;
+        const std::vector<cv::Point2f> before = places;
+        double edge_px = cv::norm(places[3] - places[0]);
+        for (int c = 0; c < 3; ++c)
+            edge_px = std::min(edge_px, cv::norm(places[c] - places[c + 1]));
+        refine(look.image, places, window_for(0.25 * edge_px));  // the gap between tags, or a bit
         // Their order: bottom left, bottom right, top right, top left of the tag.
         const int row = 2 * (id / board_.cols), col = 2 * (id % board_.cols);
         const int rows[] = {row, row, row + 1, row + 1}, cols[] = {col, col + 1, col + 1, col};
         for (int c = 0; c < 4; ++c) {
             constexpr double kLargestMove_px = 2;  // beyond, it has found something else
-            if (cv::norm(places[c] - quad[c]) > kLargestMove_px) continue;
+            if (cv::norm(places[c] - before[c]) > kLargestMove_px) continue;
             corners.push_back({rows[c] * 2 * board_.cols + cols[c], {places[c].x, places[c].y}});
         }
     }
-    return corners;
 }
 
 #else
@@ -169,50 +189,57 @@ struct BoardDetector::Tags {
     }
 };
 
-std::vector<FeatureObservation> BoardDetector::detect_tags(const cv::Mat&) const {
-    return {};
-}
+void BoardDetector::find_tags(const Look&, std::vector<FeatureObservation>&) const {}
 
 #endif
 
-BoardDetector::BoardDetector(const Board& board) : board_(board) {
+BoardDetector::BoardDetector(const Board& board, CameraPtr camera) : board_(board) {
     if (board.pattern == Board::Pattern::kNone)
         throw InputError(
             "the board has no pattern to look for in images; describe it by a target.yaml");
     if (board.pattern == Board::Pattern::kAprilGrid) tags_ = std::make_unique<Tags>();
+    if (camera) views_ = std::make_unique<PerspectiveViews>(std::move(camera));
 }
 
 BoardDetector::~BoardDetector() = default;
 
 std::vector<FeatureObservation> BoardDetector::detect(const cv::Mat& image) const {
-    auto corners = tags_ ? detect_tags(image) : detect_checkerboard(image);
-    std::sort(corners.begin(), corners.end(),
-              [](const auto& a, const auto& b) { return a.feature_id < b.feature_id; });
-    // The same tag twice is none: one of the two is something else.
+    std::vector<FeatureObservation> corners;
+    if (!views_) find({image, image}, corners);
+    for (int k = 0; views_ && k < views_->count(); ++k)
+        find({image, views_->draw(k, image), views_.get(), k}, corners);
+    std::stable_sort(corners.begin(), corners.end(),
+                     [](const auto& a, const auto& b) { return a.feature_id < b.feature_id; });
+    // Views share much. But the same corner in two places is none: one of the two is something
+    // else.
+    constexpr double kSame_px = 0.5;
     std::vector<FeatureObservation> single;
-    for (size_t k = 0; k < corners.size(); ++k) {
-        const auto same = [&](size_t other) {
-            return other < corners.size() && corners[other].feature_id == corners[k].feature_id;
-        };
-        if (!same(k + 1) && !(k > 0 && same(k - 1))) single.push_back(corners[k]);
+    for (size_t k = 0, next = 0; k < corners.size(); k = next) {
+        bool same = true;
+        for (next = k + 1;
+             next < corners.size() && corners[next].feature_id == corners[k].feature_id; ++next)
+            same = same && (corners[next].uv_px - corners[k].uv_px).norm() <= kSame_px;
+        if (same) single.push_back(corners[k]);
     }
     return single;
 }
 
-std::vector<FeatureObservation> BoardDetector::detect_checkerboard(const cv::Mat& image) const {
+void BoardDetector::find(const Look& look, std::vector<FeatureObservation>& corners) const {
+    if (tags_)
+        find_tags(look, corners);
+    else if (corners.empty())
+        find_checkerboard(look, corners);
+}
+
+void BoardDetector::find_checkerboard(const Look& look,
+                                      std::vector<FeatureObservation>& corners) const {
     const int cols = board_.cols, rows = board_.rows;
     std::vector<cv::Point2f> p;
     if (!cv::findChessboardCorners(
-            image, {cols, rows}, p,
+            look.view, {cols, rows}, p,
             cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK))
-        return {};
-    double square_px = 1e9;
-    for (int r = 0; r + 1 < rows; ++r)
-        for (int c = 0; c + 1 < cols; ++c)
-            square_px = std::min({square_px, cv::norm(p[r * cols + c] - p[r * cols + c + 1]),
-                                  cv::norm(p[r * cols + c] - p[(r + 1) * cols + c])});
-    refine(image, p, window_for(square_px));
-    // Seen from the front, x and y turn the same way in every image.
+        return;
+    // Seen from the front, x and y turn the same way in every view.
     const cv::Point2f x = p[cols - 1] - p[0], y = p[(rows - 1) * cols] - p[0];
     if (x.cross(y) < 0)
         for (int r = 0; r < rows; ++r)
@@ -222,14 +249,21 @@ std::vector<FeatureObservation> BoardDetector::detect_checkerboard(const cv::Mat
         const cv::Point2f centre = (p[r * cols + c] + p[r * cols + c + 1] + p[(r + 1) * cols + c] +
                                     p[(r + 1) * cols + c + 1]) /
                                    4;
-        return cv::mean(image(cv::Rect(cvRound(centre.x) - 1, cvRound(centre.y) - 1, 3, 3) &
-                              cv::Rect(0, 0, image.cols, image.rows)))[0];
+        return cv::mean(look.view(cv::Rect(cvRound(centre.x) - 1, cvRound(centre.y) - 1, 3, 3) &
+                                  cv::Rect(0, 0, look.view.cols, look.view.rows)))[0];
     };
     if (board_.has_top() && light(0, 0) > light(0, 1)) std::reverse(p.begin(), p.end());
-    std::vector<FeatureObservation> corners;
-    for (size_t k = 0; k < p.size(); ++k)
-        corners.push_back({static_cast<FeatureId>(k), {p[k].x, p[k].y}});
-    return corners;
+    std::vector<cv::Point2f> places = look.in_image(p);
+    if (places.empty()) return;
+    double square_px = 1e9;
+    for (int r = 0; r + 1 < rows; ++r)
+        for (int c = 0; c + 1 < cols; ++c)
+            square_px =
+                std::min({square_px, cv::norm(places[r * cols + c] - places[r * cols + c + 1]),
+                          cv::norm(places[r * cols + c] - places[(r + 1) * cols + c])});
+    refine(look.image, places, window_for(square_px));
+    for (size_t k = 0; k < places.size(); ++k)
+        corners.push_back({static_cast<FeatureId>(k), {places[k].x, places[k].y}});
 }
 
 }  // namespace vio

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "libvio/calibration/board.h"
+#include "libvio/calibration/perspective_views.h"
 
 namespace vio {
 
@@ -17,9 +18,11 @@ class BoardDetector {
     /// Whether the library was built with AprilTag.
     static bool knows_april_grids();
 
-    /// Throws InputError for a board without a pattern, or an AprilGrid where the library was built
-    /// without AprilTag.
-    explicit BoardDetector(const Board& board);
+    /// camera: of images that bend the board much or show it mirrored, as far as it is known. The
+    /// board is then looked for in perspective views all around, and its corners refined in the
+    /// image. Throws InputError for a board without a pattern, or an AprilGrid where the library
+    /// was built without AprilTag.
+    explicit BoardDetector(const Board& board, CameraPtr camera = nullptr);
     ~BoardDetector();
 
     /// The corners found, by their ids; none where the board is not seen. image: 8-bit grey.
@@ -27,11 +30,14 @@ class BoardDetector {
 
  private:
     struct Tags;
-    std::vector<FeatureObservation> detect_tags(const cv::Mat& image) const;
-    std::vector<FeatureObservation> detect_checkerboard(const cv::Mat& image) const;
+    struct Look;
+    void find(const Look& look, std::vector<FeatureObservation>& corners) const;
+    void find_tags(const Look& look, std::vector<FeatureObservation>& corners) const;
+    void find_checkerboard(const Look& look, std::vector<FeatureObservation>& corners) const;
 
     Board board_;
     std::unique_ptr<Tags> tags_;
+    std::unique_ptr<PerspectiveViews> views_;  ///< nothing: corners are found in the image itself
 };
 
 }  // namespace vio

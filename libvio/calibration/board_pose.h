@@ -14,10 +14,9 @@ struct BoardPose {
     double rms_px = 0;  ///< per coordinate
 };
 
-/// By OpenCV's perspective-n-point on the sight lines, for any camera with one viewpoint (of
-/// others, the rays' origins are neglected), then refined in the image. Nothing with fewer than six
-/// points that it can use (at less than 80 degrees from the optical axis), or where no pose is
-/// found.
+/// By OpenCV's perspective-n-point on the sight lines that are less than 80 degrees from their mean
+/// direction, as if through one viewpoint; then refined in the image, for any camera. Nothing with
+/// fewer than six such points, or where no pose is found.
 std::optional<BoardPose> board_pose(const Camera& camera, const FeatureFrame& frame,
                                     const std::map<FeatureId, Fiducial>& board);
 

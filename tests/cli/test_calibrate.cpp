@@ -14,6 +14,7 @@
 #include "libvio/io/rawlog_writer.h"
 #include "tests/board_images.h"
 #include "tests/cli/program.h"
+#include "tests/mirror_board.h"
 #include "tests/simulated_run.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -219,27 +220,20 @@ TEST_F(CalibrateImuCamera, BadInputIsOneLine) {
     expect_error("imu-camera " + rawlog + " --board " + board + out(), {rawlog, "calibra"});
 }
 
-const char* const kMirror =
-    "[camera]\nmodel = equiangular_mirror\nwidth = 640\nheight = 480\nfx = 2162\nfy = 2162\n"
-    "cx = 319.5\ncy = 239.5\napex_distance = 0.15\ngain = 15\nrim_radius = 0.0172\n"
-    "blind_radius = 0.004\n";
+// Of the mirror as it ought to be.
+std::string mirror_text() {
+    Rig rig;
+    rig.camera = mirror_camera();
+    return calibration_text(rig);
+}
 
 TEST_F(Calibrate, MirrorFromAFileOfTargets) {
-    const std::string nominal = write("mirror.ini", kMirror);
-    Rig rig;
-    load_calibration(nominal, rig);
-    CameraDescription d = describe(*rig.camera);
-    d.T_C_M = {so3::exp({0.006, -0.004, 0}), {4e-4, -3e-4, 5e-4}};
-    const CameraPtr truth = make_camera(d);
-    Random random(1, "targets");
+    const std::string nominal = write("mirror.ini", mirror_text());
+    const MirrorShot shot = mirror_shot(1, 120, 0.1);
     std::string points;
-    for (int k = 0; k < 200; ++k) {
-        const Eigen::Vector2d uv(640 * random.uniform(), 480 * random.uniform());
-        const auto ray = truth->ray(uv);
-        if (!ray) continue;
-        const Eigen::Vector3d p = ray->origin + random.uniform(0.5, 2.5) * ray->direction;
-        const Eigen::Vector2d seen = uv + 0.1 * random.normal2();
-        for (const double value : {p.x(), p.y(), p.z(), seen.x(), seen.y()})
+    for (const FeatureObservation& f : shot.frame.features) {
+        const Eigen::Vector3d& p = shot.targets.at(f.feature_id).p_W;
+        for (const double value : {p.x(), p.y(), p.z(), f.uv_px.x(), f.uv_px.y()})
             points += std::to_string(value) + " ";
         points += "\n";
     }
@@ -247,8 +241,8 @@ TEST_F(Calibrate, MirrorFromAFileOfTargets) {
     const ProgramResult result = run("mirror " + file + " --calibration " + nominal + out());
     ASSERT_EQ(result.exit_code, 0) << result.err;
     const Pose found = describe(*written().camera).T_C_M;
-    EXPECT_LT((found.R.col(2) - d.T_C_M.R.col(2)).norm(), 0.1 * 0.01745);
-    EXPECT_LT((found.p - d.T_C_M.p).norm(), 1e-3);
+    EXPECT_LT((found.R.col(2) - shot.T_C_M.R.col(2)).norm(), 0.1 * 0.01745);
+    EXPECT_LT((found.p - shot.T_C_M.p).norm(), 1e-3);
 
     std::filesystem::remove(folder_ / "out.ini");
     const std::string end = " --calibration " + nominal + out();
@@ -256,7 +250,7 @@ TEST_F(Calibrate, MirrorFromAFileOfTargets) {
     expect_error("mirror " + write("short.txt", "1 2 3 4\n") + end, {"short.txt", "line 1"});
     expect_error("mirror " + write("text.txt", "1 2 3 4 five\n") + end, {"text.txt", "line 1"});
     expect_error("mirror " + write("few.txt", "1 0 0 300 200\n0 1 0 350 200\n") + end,
-                 {"few.txt", "too few"});
+                 {"few.txt", "six targets"});
     expect_error("mirror " + file + " --calibration " +
                      write("lens.ini",
                            "[camera]\nmodel = perspective\nwidth = 640\nheight = 480\n"
@@ -264,6 +258,30 @@ TEST_F(Calibrate, MirrorFromAFileOfTargets) {
                      out(),
                  {"lens.ini", "mirror"});
     expect_error("mirror " + file + " --camera-pose 0 0 0 0 0 0 2" + end, {"unit length"});
+}
+
+TEST_F(Calibrate, MirrorFromImagesOfAnAprilGrid) {
+    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    MirrorBoard mirror(1);
+    const std::string images = folder_ / "images";
+    std::filesystem::create_directory(images);
+    for (int k = 0; k < 4; ++k)
+        cv::imwrite(images + "/" + std::to_string(k) + ".png", mirror.shoot().image);
+    const std::string end = " --board " +
+                            write("target.yaml",
+                                  "target_type: 'aprilgrid'\ntagCols: 5\ntagRows: 4\n"
+                                  "tagSize: 0.088\ntagSpacing: 0.3\n") +
+                            " --calibration " + write("mirror.ini", mirror_text()) + out();
+    const ProgramResult result = run("mirror " + images + end);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const Pose found = describe(*written().camera).T_C_M;
+    EXPECT_LT((found.R.col(2) - mirror.T_C_M().R.col(2)).norm(), 0.1 * 0.01745) << result.out;
+    EXPECT_LT((found.p - mirror.T_C_M().p).norm(), 1e-3) << result.out;
+
+    std::filesystem::remove(folder_ / "out.ini");
+    cv::imwrite(folder_ / "small.png", cv::Mat(240, 320, CV_8UC1, cv::Scalar(128)));
+    expect_error("mirror " + folder_ / "small.png" + end, {"small.png", "no corner"});
+    expect_error("mirror " + images + end + " --camera-pose 0 0 0 0 0 0 1", {"single image"});
 }
 
 }  // namespace

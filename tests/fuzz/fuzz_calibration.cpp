@@ -1,6 +1,6 @@
 // Calibration files of every kind, INI and YAML; a camera that is made can be used. Descriptions of
 // boards, and surveyed points.
-#include "libvio/io/board_file.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/io/calibration_file.h"
 #include "tests/fuzz/fuzz_file.h"
 

@@ -5,6 +5,7 @@
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/perspective.h"
 #include "tests/board_images.h"
+#include "tests/mirror_board.h"
 #include "tests/unit/scratch_folder.h"
 
 namespace vio {
@@ -73,6 +74,21 @@ TEST(BoardDetector, AprilGridCornersAreFoundToATenthOfAPixelAndRightlyNumbered) 
     EXPECT_GT(all.found, 0.9 * all.visible);  // whole tags only
     EXPECT_LT(all.rms(), 0.1);
     EXPECT_LT(all.sum.norm() / all.found, 0.02);
+}
+
+// In a mirror the board is bent and shown the other way round; its place is known only nominally.
+TEST(BoardDetector, AprilGridIsFoundInAMirror) {
+    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    test::MirrorBoard mirror(1);
+    const auto shot = mirror.shoot();
+    EXPECT_TRUE(BoardDetector(mirror.board()).detect(shot.image).empty());
+    const BoardDetector detector(mirror.board(), test::mirror_camera());
+    const Found found =
+        compare(detector.detect(shot.image), mirror.board(), mirror.camera(), shot.T_C_G.inverse());
+    EXPECT_GE(found.found, 40);
+    EXPECT_EQ(found.wrong, 0);
+    EXPECT_LT(found.rms(), 0.1);
+    EXPECT_LT(found.sum.norm() / found.found, 0.03);
 }
 
 TEST(BoardDetector, CheckerboardIsNumberedTheSameFromAllSides) {

@@ -1,20 +1,13 @@
 #include <gtest/gtest.h>
 
-#include "libvio/camera/description.h"
 #include "libvio/tracking/valid_region.h"
+#include "tests/mirror_camera.h"
 
 namespace vio {
 namespace {
 
 TEST(ValidRegion, IsTheMirrorWithoutItsMiddleAndItsEdges) {
-    CameraDescription d;
-    d.model = "equiangular_mirror";
-    d.lens = {640, 480, 2162, 2162, 319.5, 239.5, {}};
-    d.shape.apex_distance = 0.15;
-    d.shape.gain = 15;
-    d.shape.rim_radius = 0.0172;
-    d.shape.blind_radius = 0.004;
-    const CameraPtr camera = make_camera(d);
+    const CameraPtr camera = test::mirror_camera();
     constexpr int kBorder = 5;
     const cv::Mat region = valid_region(*camera, kBorder);
     ASSERT_EQ(region.size(), cv::Size(640, 480));

@@ -1,4 +1,4 @@
-#include "libvio/io/board_file.h"
+#include "libvio/calibration/board_file.h"
 
 #include "libvio/io/yaml_file.h"
 
