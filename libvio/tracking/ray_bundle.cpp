@@ -89,7 +89,9 @@ void RayBundle::triangulate(Point& point) const {
         mean += T.R * ray.m;
     }
     Vector4d h = Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>(A).eigenvectors().col(0);
-    if (h.head<3>().dot(mean) < 0) h = -h;
+    double ahead = 0;  // of the views; nothing tells the sign of h otherwise
+    for (const Ray& ray : point.rays) ahead += ray.m.dot(towards(T_W_C[ray.view_idx], h));
+    if (ahead < 0) h = -h;
     if (h[3] < 0) h << mean.normalized(), 0;
     for (int iteration = 0; iteration < kPointIterations; ++iteration) {
         const Matrix43d basis = tangent_basis(h);

@@ -25,6 +25,9 @@ constexpr int kIterations = 6, kStartIterations = 30;
 constexpr double kSquares = 8, kMoreRays = 1.5;
 constexpr double kLeastMedian = 0.08, kMostMedian = 0.3;  // as shares of the threshold
 constexpr double kInnerScale = 0.25;  // of the robust cost, as a share of the threshold
+// A view shows the scene from where the one before it did if this share of the features has moved
+// by less than the threshold beyond what rotation moves them.
+constexpr double kStandingShare = 0.75;
 
 // Of all points that enough views saw, in the order of their ids.
 RayBundle bundle_of(const std::vector<const std::map<FeatureId, Vector3d>*>& views,
@@ -105,6 +108,7 @@ std::vector<FeatureId> RigidWindow::check(const std::vector<FeatureRay>& rays,
         view.T_W_C.p = views_.back().T_W_C.p;
         if (started_) view.T_W_C.p += views_.back().T_W_C.p - views_[views_.size() - 2].T_W_C.p;
     }
+    if (views_.size() > 1 && stands()) views_.pop_back();  // this one tells the same
     views_.push_back(std::move(view));
     if (views_.size() > most_views) views_.pop_front();
     since_view_ = 0;
@@ -120,6 +124,22 @@ std::map<FeatureId, Vector3d> RigidWindow::by_id(const std::vector<FeatureRay>& 
     std::map<FeatureId, Vector3d> result;
     for (const FeatureRay& ray : rays) result[ray.id] = ray.f;
     return result;
+}
+
+// Whether the newest view shows the scene from where the one before it does.
+bool RigidWindow::stands() const {
+    const View &before = views_[views_.size() - 2], &newest = views_.back();
+    const Matrix3d R = before.T_W_C.R.transpose() * newest.T_W_C.R;
+    std::vector<double> parallax;
+    for (const auto& [id, f] : newest.rays)
+        if (const auto then = before.rays.find(id); then != before.rays.end())
+            parallax.push_back((then->second - R * f).norm());
+    if (parallax.empty()) return false;
+    const auto upper =
+        parallax.begin() +
+        static_cast<std::ptrdiff_t>(kStandingShare * static_cast<double>(parallax.size()));
+    std::nth_element(parallax.begin(), upper, parallax.end());
+    return *upper < options_.threshold;
 }
 
 // Straight ahead at even speed, in the direction that the first and the last view give.

@@ -12,7 +12,7 @@
 namespace vio {
 
 struct RigidWindowOptions {
-    int images = 30;       ///< that the window spans; fewer than 3 strides: off
+    int images = 30;       ///< that the window spans while the camera moves; under 4 strides: off
     int stride = 2;        ///< images between those that are used
     double threshold = 0;  ///< largest angular error of a good feature [rad]
 };
@@ -24,6 +24,9 @@ struct RigidWindowOptions {
 /// adjustment with a robust cost, up to a similarity), and the features that do not fit are named.
 /// Source: the verification by geometry over a short sequence that section 10.2 of the paper
 /// describes.
+///
+/// While the camera stands still its images count as one: many from one place would say that it is
+/// exact, and push out those from other places, without which nothing has depth.
 ///
 /// Rays are taken as if from one viewpoint, as in estimate_two_view.
 class RigidWindow {
@@ -48,6 +51,7 @@ class RigidWindow {
         Pose T_W_C;
         std::map<FeatureId, Eigen::Vector3d> rays;
     };
+    bool stands() const;
     bool start();
     std::vector<FeatureId> judge();
     static std::map<FeatureId, Eigen::Vector3d> by_id(const std::vector<FeatureRay>& rays);

@@ -82,7 +82,9 @@ inline Input read_input(const std::string& rawlog, const std::string& truth_file
 struct Run {
     std::vector<FeatureFrame> frames;
     double seconds = 0;
-    vio::TrackerReport lost;  // sums over the images
+    vio::TrackerReport lost;                        // sums over the images
+    std::vector<vio::TrackerReport> reports;        // of each image
+    std::vector<std::vector<FeatureId>> by_caller;  // ended after each image
 };
 
 struct Sight {
@@ -212,10 +214,12 @@ inline std::optional<Vector2d> visible_at(const vio::Scene& scene, const vio::Ca
     return uv;
 }
 
-struct PointErrors {
-    std::vector<double> px;          // of every observation but each track's first
-    std::vector<double> life_share;  // of each track: images seen / images in which it can be seen
-    double seen = 0, could = 0;      // sums of these
+// One track against the point that its first observation shows.
+struct JudgedTrack {
+    FeatureId id = -1;
+    int begin = 0, end = 0;  // images; end: the one after the last that shows it
+    int visible = 0;         // images in a row from the first, in which the point can be seen
+    std::vector<double> px;  // error of every observation but the first
 };
 
 // The points on the ray of a track's first observation that its patch may show:
@@ -247,40 +251,34 @@ inline std::vector<Vector3d> shown_points(const vio::Scene& scene, const vio::Ca
     return points;
 }
 
-inline PointErrors point_errors(const Input& input, const vio::Simulation& simulation,
-                                const Run& run) {
-    PointErrors result;
+// Of all tracks whose first observation shows a point.
+inline std::vector<JudgedTrack> judged_tracks(const Input& input, const vio::Simulation& simulation,
+                                              const Run& run) {
+    std::vector<JudgedTrack> result;
     const vio::Camera& camera = *input.rig.camera;
     const vio::Scene& scene = simulation.scene();
     const auto pose = [&](int i) { return input.T_W_C.at(run.frames[i].t); };
     const int end = static_cast<int>(run.frames.size());
     for (const auto& [id, sights] : by_track(run.frames)) {
-        const int begin = sights[0].frame_idx;
+        JudgedTrack track{id, sights.front().frame_idx, sights.back().frame_idx + 1, 1, {}};
         // The surface that fits the track best.
-        std::vector<double> errors;
         Vector3d p_W = Vector3d::Zero();
-        for (const Vector3d& p : shown_points(scene, camera, pose(begin), sights[0].uv)) {
+        for (const Vector3d& p : shown_points(scene, camera, pose(track.begin), sights[0].uv)) {
             std::vector<double> px;
             for (std::size_t k = 1; k < sights.size(); ++k) {
                 const auto uv = camera.project(pose(sights[k].frame_idx).inverse() * p);
                 px.push_back(uv ? (*uv - sights[k].uv).norm() : 1e3);
             }
-            if (p_W.isZero() || vio::median(px) < vio::median(errors)) {
+            if (p_W.isZero() || vio::median(px) < vio::median(track.px)) {
                 p_W = p;
-                errors = std::move(px);
+                track.px = std::move(px);
             }
         }
         if (p_W.isZero()) continue;  // sky
-        result.px.insert(result.px.end(), errors.begin(), errors.end());
-        if (begin + 1 == end) continue;
-        int visible = 1;
-        while (begin + visible < end && visible_at(scene, camera, pose(begin + visible), p_W))
-            ++visible;
-        const int life = std::min(visible, static_cast<int>(sights.size()));
-        if (visible < 2) continue;
-        result.life_share.push_back(static_cast<double>(life) / visible);
-        result.seen += life;
-        result.could += visible;
+        while (track.begin + track.visible < end &&
+               visible_at(scene, camera, pose(track.begin + track.visible), p_W))
+            ++track.visible;
+        result.push_back(std::move(track));
     }
     return result;
 }

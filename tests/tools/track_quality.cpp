@@ -13,7 +13,9 @@
 // point's projection. --set changes the tracker's options and the scenario's.
 // --estimate tells whether rotations or positions of the truth are to blame:
 // the share also with the rotations of one and the positions of the other.
+#include <array>
 #include <cstdio>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
@@ -56,7 +58,9 @@ Run run_tracker(const Input& input, const vio::TrackerOptions& options, const Pa
             run.lost.lost_geometry += r.lost_geometry;
             run.lost.lost_window += r.lost_window;
             run.lost.ended_by_caller += r.ended_by_caller;
+            run.reports.push_back(r);
         }
+        run.by_caller.resize(run.frames.size());
     };
     const auto timed = [&](auto work) {
         const int64 begin = cv::getTickCount();
@@ -68,7 +72,13 @@ Run run_tracker(const Input& input, const vio::TrackerOptions& options, const Pa
         const auto* reading = std::get_if<vio::ImuReading>(&message);
         if (with_filter && reading) filter.add(*reading);
         take(timed([&] { return front_end.add(message); }));
-        if (parts.feedback) front_end.end_tracks(filter.take_rejected());
+        if (parts.feedback) {
+            const std::vector<FeatureId> rejected = filter.take_rejected();
+            front_end.end_tracks(rejected);
+            if (!run.by_caller.empty())
+                run.by_caller.back().insert(run.by_caller.back().end(), rejected.begin(),
+                                            rejected.end());
+        }
         if (with_filter) filter.take();
     }
     take(timed([&] { return front_end.finish(); }));
@@ -158,17 +168,72 @@ void print_row(const std::string& name, const Input& input, const vio::Simulatio
                 vio::median(lengths), epipolar(input.T_W_C), epipolar(input.T_W_C_fitted),
                 1e3 * run.seconds / images);
     if (simulation) {
-        const PointErrors e = point_errors(input, *simulation, run);
-        std::printf(" %8.3f %6.2f%% %6.2f%% %6.1f%% %6.1f%% %6.2f%%", vio::median(e.px),
-                    100 * share(e.px, [](double px) { return px < kGood_px; }),
-                    100 * share(e.px, [](double px) { return px > kGross_px; }),
-                    100 * e.seen / e.could, 100 * vio::median(e.life_share),
-                    100 * share(e.px, [](double px) { return px < 1; }));
+        std::vector<double> px, life_share;
+        double seen = 0, could = 0;
+        for (const JudgedTrack& track : judged_tracks(input, *simulation, run)) {
+            px.insert(px.end(), track.px.begin(), track.px.end());
+            if (track.visible < 2) continue;
+            const double life = std::min(track.visible, static_cast<int>(track.px.size()) + 1);
+            life_share.push_back(life / track.visible);
+            seen += life;
+            could += track.visible;
+        }
+        std::printf(" %8.3f %6.2f%% %6.2f%% %6.1f%% %6.1f%% %6.2f%%", vio::median(px),
+                    100 * share(px, [](double e) { return e < kGood_px; }),
+                    100 * share(px, [](double e) { return e > kGross_px; }), 100 * seen / could,
+                    100 * vio::median(life_share), 100 * share(px, [](double e) { return e < 1; }));
     }
     std::printf("   %d %d %d %d %d %d | %d %d %d %d %d %d\n", histogram[0], histogram[1],
                 histogram[2], histogram[3], histogram[4], histogram[5], run.lost.lost_flow,
                 run.lost.lost_look, run.lost.found_again, run.lost.lost_geometry,
                 run.lost.lost_window, run.lost.ended_by_caller);
+}
+
+// Why tracks end while their points can still be seen, by ranges of images, and how wrong they had
+// been until then: their greatest error.
+void print_ends(const Input& input, const vio::Simulation& simulation, const Run& run) {
+    enum Reason { kLeft, kCaller, kWindow, kTwoViews, kNotFound, kReasons };
+    constexpr const char* kNames[] = {"out of sight", "estimator", "window", "two views",
+                                      "not found"};
+    constexpr double kUpTo_px[] = {0.5, 1, 2, 5};
+    constexpr int kRange = 100, kBins = 5;
+    const int images = static_cast<int>(run.frames.size());
+    std::vector<std::array<std::array<int, kBins>, kReasons>> ends((images + kRange - 1) / kRange);
+    const auto holds = [](const auto& ids, FeatureId id) {
+        return std::find(ids.begin(), ids.end(), id) != ids.end();
+    };
+    for (const JudgedTrack& track : judged_tracks(input, simulation, run)) {
+        if (track.end >= images) continue;
+        Reason reason = kNotFound;
+        const vio::TrackerReport& r = run.reports[track.end];
+        const auto of_window = r.rejected.end() - r.lost_window;
+        if (track.end >= track.begin + track.visible)
+            reason = kLeft;
+        else if (holds(run.by_caller[track.end - 1], track.id))
+            reason = kCaller;
+        else if (std::find(of_window, r.rejected.end(), track.id) != r.rejected.end())
+            reason = kWindow;
+        else if (std::find(r.rejected.begin(), of_window, track.id) != of_window)
+            reason = kTwoViews;
+        const double worst =
+            track.px.empty() ? 0 : *std::max_element(track.px.begin(), track.px.end());
+        const auto bin = std::upper_bound(std::begin(kUpTo_px), std::end(kUpTo_px), worst);
+        ++ends[track.begin / kRange][reason][bin - std::begin(kUpTo_px)];
+    }
+    std::printf(
+        "\ntracks ended, by their first image: of them with errors under 0.5, 1, 2, 5 px, "
+        "more\n%-9s",
+        "images");
+    for (const char* name : kNames) std::printf(" %-29s", name);
+    for (int k = 0; k < static_cast<int>(ends.size()); ++k) {
+        std::printf("\n%4d-%4d", k * kRange, std::min(images, (k + 1) * kRange) - 1);
+        for (const auto& of_reason : ends[k]) {
+            std::printf(" %5d:", std::accumulate(of_reason.begin(), of_reason.end(), 0));
+            for (const int n : of_reason) std::printf(" %4d", n);
+            std::printf(" ");
+        }
+    }
+    std::printf("\n");
 }
 
 // By the time since a track's first sight, and with what the truth and another
@@ -194,7 +259,7 @@ void print_comparison(const Input& input, const Poses& estimate, const Run& run)
 struct Request {
     std::vector<std::string> files, assignments;
     std::string estimate;
-    bool brief = false;
+    bool brief = false, ends = false;
 };
 
 int measure(const Request& request) {
@@ -235,6 +300,7 @@ int measure(const Request& request) {
         return run;
     };
     const Run all = row("all parts", {});
+    if (truth && request.ends) print_ends(input, *truth, all);
     if (!request.brief) {
         row("no feedback", {.feedback = false});
         row("no estimator's prediction", {.prediction = false});
@@ -246,7 +312,7 @@ int measure(const Request& request) {
         row("no window of 30 images", {}, [](auto& o) { o.window_images = 0; });
         row("no geometry", {}, [](auto& o) { o.two_views = false, o.window_images = 0; });
     }
-    print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
+    if (!request.ends) print_row("plain Lucas-Kanade", input, truth, run_plain_lk(input, options));
     if (!request.estimate.empty()) {
         const Input other = read_input(files[0], request.estimate);
         print_comparison(input, other.T_W_C, all);
@@ -264,6 +330,8 @@ int main(int argc, char** argv) {
             request.assignments.push_back(argv[++i]);
         else if (argument == "--estimate" && i + 1 < argc)
             request.estimate = argv[++i];
+        else if (argument == "--ends")
+            request.ends = true;
         else if (argument == "--brief")
             request.brief = true;
         else
@@ -272,7 +340,7 @@ int main(int argc, char** argv) {
     if (request.files.size() < 2 || request.files.size() > 3) {
         std::fprintf(stderr,
                      "usage: vio_track_quality RAWLOG TRUTH.tum [SCENARIO.ini] "
-                     "[--set SECTION.KEY=VALUE]... [--brief] [--estimate POSES.tum]\n");
+                     "[--set SECTION.KEY=VALUE]... [--brief] [--ends] [--estimate POSES.tum]\n");
         return 2;
     }
     try {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <random>
 #include <set>
+#include <utility>
 
 #include "libvio/geometry/so3.h"
 #include "libvio/tracking/ray_bundle.h"
@@ -108,14 +109,35 @@ TEST(RayBundle, PutsADistantPointAtItsDirection) {
     EXPECT_GT(bundle.points[1].h[3], 0.1);
 }
 
+// The oldest view is not the only one that tells what is ahead: the camera may since have backed
+// away over what the later views see.
+TEST(RayBundle, PlacesAPointBehindTheFirstView) {
+    const Vector3d point(0.1, 0.05, -1.5);
+    RayBundle bundle;
+    bundle.points.emplace_back();
+    for (const double z : {0.0, -1.9, -2.1, -2.3}) {
+        const Pose T_W_C{Matrix3d::Identity(), {0, 0, z}};
+        if (z < 0)
+            bundle.points[0].rays.emplace_back(static_cast<int>(bundle.T_W_C.size()),
+                                               (T_W_C.inverse() * point).normalized());
+        bundle.T_W_C.push_back(T_W_C);
+    }
+    bundle.triangulate(bundle.points[0]);
+    const Eigen::Vector4d& h = bundle.points[0].h;
+    EXPECT_LT((h.head<3>() / h[3] - point).norm(), 1e-8);
+}
+
 // Ids that the window named over a sequence of 60 images, with slides added as further features.
-std::set<FeatureId> named(Swing& swing, bool with_crossing) {
+// So many images from the 20th on show the same place.
+std::set<FeatureId> named(Swing& swing, bool with_crossing, int standing = 0) {
     RigidWindow window({.threshold = 1.5 * kPixel});
     std::set<FeatureId> result;
-    for (int i = 0; i < 60; ++i) {
+    int before = 0;
+    for (int image = 0; image < 60 + standing; ++image) {
+        const int i = image < 20 ? image : std::max(20, image - standing);
         std::vector<FeatureRay> rays = swing.rays(i);
         if (with_crossing) rays.push_back({1000, swing.crossing(i)});
-        const Matrix3d R = Swing::R(std::max(0, i - 1)).transpose() * Swing::R(i);
+        const Matrix3d R = Swing::R(std::exchange(before, i)).transpose() * Swing::R(i);
         for (const FeatureId id : window.check(rays, R)) result.insert(id);
         window.remember(rays);
     }
@@ -125,6 +147,14 @@ std::set<FeatureId> named(Swing& swing, bool with_crossing) {
 TEST(RigidWindow, NamesTheApparentCrossingOfTwoEdgesAndNothingElse) {
     Swing swing(0.2 * kPixel);
     EXPECT_EQ(named(swing, true), std::set<FeatureId>{1000});
+}
+
+// As long as the camera stands, nothing new is known; what was known before must not be forgotten.
+TEST(RigidWindow, KeepsGoodFeaturesWhereTheCameraStandsAndGoesOn) {
+    for (const int standing : {8, 50}) {
+        Swing swing(0.2 * kPixel);
+        EXPECT_EQ(named(swing, true, standing), std::set<FeatureId>{1000}) << standing;
+    }
 }
 
 // The camera runs along its x axis, and so does a point, back and forth: its rays fit the motion in
