@@ -15,6 +15,7 @@
 
 #include "app/process.h"
 #include "libvio/base/errors.h"
+#include "libvio/io/json_text.h"
 #include "libvio/io/recording.h"
 #include "libvio/io/text.h"
 
@@ -91,7 +92,7 @@ std::string recording_key(const Cell& cell) {
 }
 
 std::string cell_key(const Cell& cell) {
-    return hash(build_stamp() + to_json(cell).dump() + argument_stamp(cell.simulate) +
+    return hash(build_stamp() + json_text(to_json(cell)) + argument_stamp(cell.simulate) +
                 argument_stamp(cell.run) + argument_stamp(cell.rawlog) +
                 argument_stamp(cell.truth) + argument_stamp(cell.evaluate) +
                 (cell.start ? cell_key(*cell.start) : ""));
@@ -231,7 +232,7 @@ std::string CellStore::prepared(const Cell& cell) const {
     fs::create_directories(folder);
     if (cell.start) prepared(*cell.start);
     if (!fs::exists(folder + "/cell.json"))
-        write_text(folder + "/cell.json", to_json(cell).dump(2) + "\n");
+        write_text(folder + "/cell.json", json_text(to_json(cell)));
     return folder;
 }
 
@@ -322,13 +323,11 @@ void run_cell(const std::string& folder) {
     }
     outcome.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    write_text(folder + "/outcome.json", json({{"ok", outcome.ok},
-                                               {"message", outcome.message},
-                                               {"seconds", outcome.seconds},
-                                               {"summary", outcome.summary},
-                                               {"evaluations", outcome.evaluations}})
-                                                 .dump(2) +
-                                             "\n");
+    write_text(folder + "/outcome.json", json_text(json({{"ok", outcome.ok},
+                                                         {"message", outcome.message},
+                                                         {"seconds", outcome.seconds},
+                                                         {"summary", outcome.summary},
+                                                         {"evaluations", outcome.evaluations}})));
 }
 
 }  // namespace vio::app

@@ -5,6 +5,7 @@
 
 #include "app/commands.h"
 #include "app/comparison.h"
+#include "libvio/io/json_text.h"
 
 namespace vio::app {
 namespace {
@@ -26,7 +27,7 @@ void run(const Arguments& arguments) {
     if (arguments.json) {
         auto list = nlohmann::ordered_json::array();
         for (const Evaluation& evaluation : evaluations) list.push_back(to_json(evaluation));
-        std::cout << (list.size() == 1 ? list[0] : list).dump(2) << "\n";
+        std::cout << json_text(list.size() == 1 ? list[0] : list);
     } else {
         std::cout << (evaluations.size() == 1 ? to_text(evaluations.front())
                                               : to_table(evaluations));

@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
     CLI::App program{
         "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
     program.name("vio-slam");
+    program.formatter(vio::app::help_formatter());
     program.set_version_flag("--version", "vio-slam " VIO_VERSION);
     // For packaging: outside every group, so that --help does not show them.
     program
@@ -68,6 +69,9 @@ int main(int argc, char** argv) {
     vio::app::add_check(program);
     vio::app::add_calibrate(program);
     vio::app::add_statistics(program);
+    program.footer(
+        "From a recording to a trajectory: import, check, run, evaluate, render; each with "
+        "--help.");
     try {
         program.parse(argc, argv);
         if (program.get_subcommands().empty())

@@ -41,6 +41,17 @@ std::string unknown(const CLI::App& command, const std::string& word) {
 
 }  // namespace
 
+std::shared_ptr<CLI::FormatterBase> help_formatter() {
+    class Formatter : public CLI::Formatter {
+        std::string make_option_usage(const CLI::Option* option) const override {
+            const std::string name =
+                option->get_name() + (option->get_expected_max() > 1 ? "..." : "");
+            return option->get_required() ? name : "[" + name + "]";
+        }
+    };
+    return std::make_shared<Formatter>();
+}
+
 std::string usage_error(const CLI::App& program, const CLI::ParseError& error) {
     // The commands that were understood, outermost first.
     const CLI::App* command = &program;

@@ -146,8 +146,8 @@ std::optional<TimeNs> parse_date_time(std::string_view text) {
     if (!y || !m || !d || !h || !min || !seconds_of_minute) return {};
     const year_month_day date(year(static_cast<int>(*y)), month(static_cast<unsigned>(*m)),
                               day(static_cast<unsigned>(*d)));
-    if (!date.ok() || *h < 0 || *h > 23 || *min < 0 || *min > 59 || *seconds_of_minute < 0 ||
-        *seconds_of_minute >= from_seconds(61))
+    if (!date.ok() || *y < 1970 || *y > 2115 || *h < 0 || *h > 23 || *min < 0 || *min > 59 ||
+        *seconds_of_minute < 0 || *seconds_of_minute >= from_seconds(61))
         return {};
     const nanoseconds since = sys_days(date).time_since_epoch() + hours(*h) + minutes(*min);
     return since.count() + *seconds_of_minute;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "libvio/io/calibration_file.h"
+#include "libvio/io/json_text.h"
 #include "libvio/io/keyframe_spool.h"
 #include "libvio/io/landmark_spool.h"
 #include "libvio/io/mrpt_conversions.h"
@@ -258,7 +259,7 @@ void ResultsWriter::finish(const nlohmann::json& summary) {
         for (int c = 0; c < 3; ++c) covariance.push_back(estimate.gravity_covariance(r, c));
     json["gravity_covariance"] = covariance;
     json["has_scale"] = estimate.has_scale;
-    write_text(w.folder / "summary.json", json.dump(2) + "\n");
+    write_text(w.folder / "summary.json", json_text(json));
 }
 
 }  // namespace vio

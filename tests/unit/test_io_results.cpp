@@ -164,6 +164,15 @@ TEST(Results, DoNotReplaceOthersUnlessAsked) {
     EXPECT_THROW(check_results_folder(folder + "/mine.txt", false), InputError);
 }
 
+TEST(Results, NamesInThemNeedNotBeUtf8) {
+    const test::ScratchFolder scratch;
+    Results results = made_results();
+    results.summary["camera"] = "cam\xa3";
+    write_results(scratch / "out", results);
+    const auto json = nlohmann::json::parse(read_text(scratch / "out/summary.json"));
+    EXPECT_EQ(json["camera"], "cam\xef\xbf\xbd");
+}
+
 TEST(Results, NameTheFileThatIsWrong) {
     const test::ScratchFolder scratch;
     const std::string folder = scratch / "out";
