@@ -21,7 +21,7 @@ Cell arm(const PaperSetup& setup, int seed, const std::string& run) {
     Cell cell;
     cell.simulate = scenario(setup, "perspective_arm", seed);
     cell.run = run;
-    cell.evaluate = at_control_points(kArmInterval, 7);
+    cell.evaluate = at_control_points(arm_control_times(kArmInterval));
     return cell;
 }
 
@@ -32,7 +32,7 @@ Cell started_from(Cell cell, const Cell& start) {
 
 Cell slowed(Cell cell, int factor, int seed) {
     if (factor == 1) return cell;
-    cell.evaluate = at_control_points(factor * kArmInterval, 7);
+    cell.evaluate = at_control_points(arm_control_times(factor * kArmInterval));
     cell.slow = "--factor " + std::to_string(factor) + " --seed " + std::to_string(seed);
     cell.run += " --set batch.gravity_norm=" + fixed(9.81 / (factor * factor), 6);
     return cell;

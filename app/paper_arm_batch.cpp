@@ -210,7 +210,7 @@ Cell table4_cell(const PaperSetup& setup, Perturbed perturbed, int trial) {
     cell.simulate = scenario(setup, name, trial,
                              perturbed == Perturbed::kProjections ? "" : "--set tracks.noise=0");
     cell.run = paper_batch("1e-5");
-    cell.evaluate = at_control_points(kArmInterval, 7);
+    cell.evaluate = at_control_points(arm_control_times(kArmInterval));
     cell = image_only(cell);
     // What is left of the error of exact data is how far the minimisation goes.
     if (perturbed == Perturbed::kNothing) cell.run += " --set batch.cost_tolerance=1e-12";

@@ -21,13 +21,18 @@ Measures measured(const CellStore& store, const Cell& cell, size_t idx = 0) {
 constexpr const char* kOrdinals[] = {"first", "second", "third"};
 constexpr int kPrefixes[] = {20, 30, 40, 50, 60};
 
+// The arm moves at half the speed after the first experiment.
+std::vector<double> omni_control_times(int experiment) {
+    return arm_control_times(experiment == 1 ? 0.84 : 1.68);
+}
+
 std::vector<Cell> omni(const PaperSetup& setup, int experiment, const std::string& run) {
     std::vector<Cell> cells;
     for (int seed = 1; seed <= setup.seeds; ++seed) {
         Cell cell;
         cell.simulate = scenario(setup, "omnidirectional_arm_" + std::to_string(experiment), seed);
         cell.run = run;
-        cell.evaluate = at_control_points(experiment == 1 ? 0.84 : 1.68, 7);
+        cell.evaluate = at_control_points(omni_control_times(experiment));
         cells.push_back(cell);
     }
     return cells;
@@ -140,12 +145,14 @@ Plot seen_from_above(const std::string& title, const std::vector<Series>& series
 std::vector<std::string> show_fig13(const PaperSetup& setup, const CellStore& store, Page& page) {
     std::vector<Plot> plots;
     for (int experiment = 1; experiment <= 2; ++experiment) {
-        const Paths both =
-            paths(store.outcome(omni_batch(setup, experiment)[0]), 0, 1, "image-and-inertial", 1);
-        const Paths images =
-            paths(store.outcome(omni_image_only(setup, experiment)[0]), 0, 1, "image-only", 2);
+        const auto of = [&](const std::vector<Cell>& cells, const char* name, int colour) {
+            return paths(store.outcome(cells[0]), 0, 1, name, colour,
+                         omni_control_times(experiment));
+        };
+        const Paths both = of(omni_batch(setup, experiment), "image-and-inertial", 1);
+        const Paths images = of(omni_image_only(setup, experiment), "image-only", 2);
         plots.push_back(seen_from_above(std::string(kOrdinals[experiment - 1]) + " experiment",
-                                        {both.truth, images.estimate, both.estimate}));
+                                        {both.truth, images.estimate, both.estimate, both.known}));
     }
     page.plots("fig13", draw(plots), "x, y translation estimates of the batch algorithm.");
     return {};
@@ -153,12 +160,15 @@ std::vector<std::string> show_fig13(const PaperSetup& setup, const CellStore& st
 
 // --- Crane
 
+// When it stops at its control points [s].
+const std::vector<double> kCraneTimes = {0,     36.6,  63.2,  89.8,  116.4, 143,
+                                         169.6, 196.2, 222.8, 249.4, 286};
+
 Cell crane(const PaperSetup& setup, const std::string& run) {
     Cell cell;
     cell.simulate = scenario(setup, "crane", kSeed);
     cell.run = run;
-    cell.evaluate =
-        at_control_points({0, 36.6, 63.2, 89.8, 116.4, 143, 169.6, 196.2, 222.8, 249.4, 286});
+    cell.evaluate = at_control_points(kCraneTimes);
     return cell;
 }
 
@@ -183,13 +193,13 @@ std::vector<std::string> show_crane(const PaperSetup& setup, const CellStore& st
          {}});
     page.table(comparison.table());
     const Outcome outcome = store.outcome(cells[0]);
-    const Paths above = paths(outcome, 0, 1, "recursive", 1),
-                height = paths(outcome, 3, 2, "recursive", 1);
+    const Paths above = paths(outcome, 0, 1, "recursive", 1, kCraneTimes),
+                height = paths(outcome, 3, 2, "recursive", 1, kCraneTimes);
     Plot z;
     z.x_label = "time [s]", z.y_label = "z [m]";
     z.height = 480;
-    z.series = {height.truth, height.estimate};
-    page.plots("fig15", draw({seen_from_above("", {above.truth, above.estimate}), z}),
+    z.series = {height.truth, height.estimate, height.known};
+    page.plots("fig15", draw({seen_from_above("", {above.truth, above.estimate, above.known}), z}),
                "Seen from above (Fig. 15), and height over time (Fig. 16).");
     return comparison.worse();
 }

@@ -251,16 +251,21 @@ std::vector<Outcome> outcomes(const CellStore& store, const std::vector<Cell>& c
     return list;
 }
 
-Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour) {
+Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour,
+            const std::vector<double>& at_s) {
     Paths result;
     result.estimate.name = name;
     result.estimate.colour = colour;
     result.truth.name = "truth";
     result.truth.colour = 5;
     result.truth.style = Series::kDashed;
+    result.known.name = "known points";
+    result.known.colour = 5;
+    result.known.style = Series::kSquares;
     if (!outcome.ok) return result;
     ComparisonOptions how;
     how.alignment = "sim3";
+    how.evaluation.at_s = at_s;
     const JudgedResult judged = read_judged(outcome.result);
     const Reference truth = read_reference(outcome.truth);
     const Evaluation e = compare(judged, truth, how);
@@ -274,8 +279,15 @@ Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int c
             series.y.push_back(value(row, b));
         }
     };
-    fill(apply(e.alignment.S_G_E, judged.poses), result.estimate);
+    const std::vector<TimedPose> aligned = apply(e.alignment.S_G_E, judged.poses);
+    std::vector<TimedPose> known;
+    for (const PoseError& error : e.errors) {
+        known.push_back(aligned[static_cast<size_t>(error.estimate_idx)]);
+        known.back().T_W_B.p -= error.position;
+    }
+    fill(aligned, result.estimate);
     fill(truth.poses, result.truth);
+    if (!at_s.empty()) fill(known, result.known);
     result.ok = true;
     return result;
 }
@@ -287,16 +299,16 @@ std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
            (arguments.empty() ? "" : " " + arguments);
 }
 
-std::string at_control_points(const std::vector<double>& times) {
-    std::string text = "--align sim3 --at";
-    for (const double t : times) text += " " + fixed(t, 2);
-    return text;
+std::vector<double> arm_control_times(double interval) {
+    std::vector<double> at_s;
+    for (int i = 0; i < 7; ++i) at_s.push_back(i * interval);
+    return at_s;
 }
 
-std::string at_control_points(double interval, int count) {
-    std::vector<double> times;
-    for (int i = 0; i < count; ++i) times.push_back(i * interval);
-    return at_control_points(times);
+std::string at_control_points(const std::vector<double>& at_s) {
+    std::string text = "--align sim3 --at";
+    for (const double t : at_s) text += " " + fixed(t, 2);
+    return text;
 }
 
 std::string paper_batch(const std::string& variance, const std::string& arguments) {

@@ -57,23 +57,25 @@ class Comparison {
 /// Outcomes of cells.
 std::vector<Outcome> outcomes(const CellStore& store, const std::vector<Cell>& cells);
 
-/// Whether a recording of the seeds' first serves: the paths of a result and of its truth, brought
-/// together by similarity, as series of columns a and b (0 x, 1 y, 2 z; 3: seconds).
+/// The paths of a result and of its truth, brought together by similarity, as series of columns a
+/// and b (0 x, 1 y, 2 z; 3: seconds). at_s: as of EvaluationOptions; where the truth is at these
+/// times is `known`.
 struct Paths {
-    Series estimate, truth;
+    Series estimate, truth, known;
     bool ok = false;
 };
-Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour);
+Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour,
+            const std::vector<double>& at_s = {});
 
 /// A recording of the scenario with seed 1, 2 ...; further arguments of `simulate` follow.
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments = "");
 
+/// When the arm passes its seven control points, `interval` apart [s].
+std::vector<double> arm_control_times(double interval);
 /// Arguments of `evaluate`: the paper's error metrics, at the times [s] of the control points,
 /// which are all that it has as truth of the arm (7) and of the crane (11).
-std::string at_control_points(const std::vector<double>& times);
-/// The same for points that are passed every `interval` seconds, the first at the start.
-std::string at_control_points(double interval, int count);
+std::string at_control_points(const std::vector<double>& at_s);
 
 /// Arguments of `run` as the paper has them. Batch: fixed variances, free gravity, constant biases,
 /// no robust loss; 2 px.

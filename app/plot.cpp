@@ -66,6 +66,9 @@ std::string curve(const std::string& data, const Series& s) {
         case Series::kPoints:
             text += " with points pt 7 ps 0.35 lc rgb " + c;
             break;
+        case Series::kSquares:
+            text += " with points pt 4 ps 1 lw 1.5 lc rgb " + c;
+            break;
         case Series::kLinePoints:
             text += " with linespoints lw 1.8 pt 7 ps 0.5 lc rgb " + c;
             break;

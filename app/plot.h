@@ -7,7 +7,7 @@
 namespace vio::app {
 
 struct Series {
-    enum Style { kLine, kDashed, kPoints, kLinePoints, kBand };
+    enum Style { kLine, kDashed, kPoints, kSquares, kLinePoints, kBand };
     std::string name;  ///< for the key; empty: not in it
     int colour = 1;    ///< 1 blue, 2 orange, 3 green, 4 magenta, 5 grey, 6 red
     Style style = kLine;
