@@ -126,6 +126,11 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
     row "V1_01 path, 137 s, batch" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator batch
     row "V1_01 path, 137 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
+    "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
+        --set imu.rate=400 -o "$OUT/v101_simulated.rawlog" >/dev/null
+    v101=("$OUT/v101_simulated.rawlog" "$OUT/v101_simulated.truth.tum" yaw 0)
+    row "V1_01, simulated 400 Hz IMU, batch" "${v101[@]}" --estimator batch
+    row "V1_01, simulated 400 Hz IMU, IEKF" "${v101[@]}" --estimator iekf
 fi
 
 echo
@@ -217,7 +222,11 @@ if [[ ${VIO_PAPER:-} ]]; then
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
     tests/figures_batch.sh "$DATA"
     taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
-    taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100
+    for kind in invariant none; do
+        echo "crane, NEES by image, iekf.consistency = $kind"
+        taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100 \
+            iekf.consistency=$kind
+    done
 fi
 
 if [[ -x build/release/tests/vio_benchmarks ]]; then

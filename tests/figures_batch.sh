@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures the batch estimator: convergence, consistency, image-only beside image-and-inertial, a
-# flight with rendered images, and speed against Ceres (where vio_bench_batch was built):
+# flight with rendered images (the filter's too), and speed against Ceres (where vio_bench_batch was built):
 #   tests/figures_batch.sh [--long] [--only SECTION[,SECTION...]] [DATA_DIR]
 # SECTION: arm poor rotations image_only nees rendered speed scaling (default: all).
 # --long: the full number of seeds (hours of one core).
@@ -46,15 +46,19 @@ truth=()
 figures nees "$(few 200 20)" "${truth[@]}"
 
 if wanted rendered && [[ -f $RECORDED ]]; then
-    echo "== V1_01's path with rendered images, simulated readings, own tracking (bar 1.2 cm)"
+    echo "== V1_01's path with rendered images, simulated readings, own tracking (bars: batch 1.2, filter 1.9 cm)"
     mkdir -p out/figures
     made=out/figures/v101_rendered
     vio_slam=build/release/app/vio-slam
     [[ -f $made.rawlog ]] || # two minutes
         "$vio_slam" simulate datasets/v101.ini --truth "$RECORDED" -o "$made.rawlog"
-    "$vio_slam" run "$made.rawlog" --estimator batch --output "$made" --overwrite | grep -E 'cost|time'
-    "$vio_slam" evaluate "$made" --against "$made.truth.tum" --align se3 |
-        grep -E 'completion|scale|average|position +0|rotation +0'
+    for estimator in batch iekf; do
+        echo "-- $estimator"
+        "$vio_slam" run "$made.rawlog" --estimator $estimator --output "$made.$estimator" \
+            --overwrite | grep -E 'cost|time'
+        "$vio_slam" evaluate "$made.$estimator" --against "$made.truth.tum" --align se3 |
+            grep -E 'completion|scale|average|position +0|rotation +0'
+    done
 fi
 
 if wanted speed && [[ -x $TESTS/vio_bench_batch ]]; then

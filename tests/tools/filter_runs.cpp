@@ -168,16 +168,17 @@ void compare(const Setup& s) {
 }
 
 // What a causal estimator can reach: the last pose of the batch estimate of all images up to each,
-// every eighth after the prefix, whose states are the filter's too.
+// every eighth after the prefix, whose states are the filter's too. Beside it the filter and the
+// batch estimate of all images, which knows the future, at the same images.
 void causal(const Setup& s) {
     constexpr int kStep = 8;
-    double best2 = 0, iekf2 = 0;
+    double best2 = 0, iekf2 = 0, batch2 = 0;
     std::printf("%4s %-6s %9s %9s %9s %9s %7s %7s %8s\n", "seed", "", "RMSE cm", "max cm",
                 "rot deg", "scale %", "poses %", "lost", "s");
     for (int seed = 0; seed < s.seeds; ++seed) {
         const vio::Simulation sim(scenario(s, seed));
         const Filtered f = filtered(sim, s);
-        Estimate best, thinned;
+        Estimate best;
         const int images = static_cast<int>(sim.truth().size());
         double seconds = 0;
         for (int n = s.iekf.prefix_images; n <= images; n += kStep) {
@@ -188,14 +189,22 @@ void causal(const Setup& s) {
             seconds += result.report.seconds;
         }
         best.states.erase(best.states.begin() + s.iekf.prefix_images);
-        for (const vio::StateEstimate& state : f.estimate.states)
-            for (const vio::StateEstimate& b : best.states)
-                if (b.t == state.t) thinned.states.push_back(state);
+        const auto at_same_images = [&](const Estimate& estimate) {
+            Estimate thinned;
+            for (const vio::StateEstimate& state : estimate.states)
+                for (const vio::StateEstimate& b : best.states)
+                    if (b.t == state.t) thinned.states.push_back(state);
+            return thinned;
+        };
+        const vio::BatchResult all = batch(sim, s);
+        print_row(seed, "batch", sim, at_same_images(all.estimate), all.report.seconds, &batch2);
         print_row(seed, "causal", sim, best, seconds, &best2);
-        print_row(seed, "iekf", sim, thinned, f.seconds, &iekf2);
+        print_row(seed, "iekf", sim, at_same_images(f.estimate), f.seconds, &iekf2);
     }
-    std::printf("root mean square: causal optimum %.2f cm, iekf %.2f cm\n",
-                100 * root(best2 / s.seeds), 100 * root(iekf2 / s.seeds));
+    std::printf(
+        "root mean square: batch %.2f cm, causal optimum %.2f cm, iekf %.2f cm, ratio %.2f\n",
+        100 * root(batch2 / s.seeds), 100 * root(best2 / s.seeds), 100 * root(iekf2 / s.seeds),
+        std::sqrt(iekf2 / best2));
 }
 
 // Pose NEES by image, mean over seeds, position and rotation apart. The estimate's world is tied to
