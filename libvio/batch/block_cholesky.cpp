@@ -4,82 +4,11 @@
 #include <cmath>
 #include <thread>
 
+#include "libvio/base/blas.h"
 #include "libvio/base/types.h"
 #include "libvio/batch/kernels.h"
 
-extern "C" {
-void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
-            const double* a, const int* lda, const double* beta, double* c, const int* ldc);
-void dgemm_(const char* transa, const char* transb, const int* m, const int* n, const int* k,
-            const double* alpha, const double* a, const int* lda, const double* b, const int* ldb,
-            const double* beta, double* c, const int* ldc);
-void dtrsm_(const char* side, const char* uplo, const char* trans, const char* diag, const int* m,
-            const int* n, const double* alpha, const double* a, const int* lda, double* b,
-            const int* ldb);
-// Of OpenBLAS, where it is the BLAS; null otherwise.
-[[gnu::weak]] void openblas_set_num_threads(int threads);
-[[gnu::weak]] int openblas_get_num_threads();
-}
-
 namespace vio::batch {
-namespace {
-
-// BLAS would run each of our small products on all processors: waking and awaiting threads costs
-// more than half of the time on an idle machine and ten times the work on a busy one. (The setting
-// is the process's.)
-class SerialKernels {
- public:
-    SerialKernels() {
-        if (openblas_set_num_threads) openblas_set_num_threads(1);
-    }
-    ~SerialKernels() {
-        if (openblas_set_num_threads) openblas_set_num_threads(threads_);
-    }
-    SerialKernels(const SerialKernels&) = delete;
-    SerialKernels& operator=(const SerialKernels&) = delete;
-
- private:
-    int threads_ = openblas_get_num_threads ? openblas_get_num_threads() : 1;
-};
-
-constexpr double kOne = 1, kMinusOne = -1;
-
-// C -= A A^T, lower triangle.
-void subtract_square(int n, int k, const double* A, int lda, double* C, int ldc) {
-    if (n > 0 && k > 0) dsyrk_("L", "N", &n, &k, &kMinusOne, A, &lda, &kOne, C, &ldc);
-}
-
-// C -= A B^T.
-void subtract_product(int m, int n, int k, const double* A, int lda, const double* B, int ldb,
-                      double* C, int ldc) {
-    if (m > 0 && n > 0 && k > 0)
-        dgemm_("N", "T", &m, &n, &k, &kMinusOne, A, &lda, B, &ldb, &kOne, C, &ldc);
-}
-
-// Factorises the leading `pivots` columns of a panel with `size` rows.
-bool factorize_panel(double* panel, int size, int pivots) {
-    constexpr int kWidth = 48;
-    for (int k = 0; k < pivots; k += kWidth) {
-        const int width = std::min(kWidth, pivots - k), below = size - k - width;
-        double* diagonal = panel + static_cast<long>(k) * size + k;
-        Strided block(diagonal, width, width, Eigen::OuterStride<>(size));
-        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kWidth, kWidth> square = block;
-        Eigen::LLT<Eigen::Ref<decltype(square)>> llt(square);
-        if (llt.info() != Eigen::Success) return false;
-        block.triangularView<Eigen::Lower>() = square;
-        if (below == 0) continue;
-        double* rows = diagonal + width;
-        dtrsm_("R", "L", "T", "N", &below, &width, &kOne, diagonal, &size, rows, &size);
-        const int columns = pivots - k - width;  // still to come
-        double* next = diagonal + static_cast<long>(width) * size + width;
-        subtract_square(columns, width, rows, size, next, size);
-        subtract_product(below - columns, columns, width, rows + columns, size, rows, size,
-                         next + columns, size);
-    }
-    return true;
-}
-
-}  // namespace
 
 BlockCholesky::BlockCholesky(const BlockMatrix& pattern, const BlockSets& sets,
                              const std::vector<Part>& parts, int threads)
@@ -277,20 +206,19 @@ void BlockCholesky::gather_children(int f) {
 
 bool BlockCholesky::factorize_front(int f) {
     const Front& front = plan_.fronts[f];
-    double* L = panel(front);
-    if (!factorize_panel(L, front.size, front.pivots)) return false;
-    subtract_square(front.rest(), front.pivots, L + front.pivots, front.size, update(front),
-                    front.rest());
-    const ConstStrided panel_(L, front.size, front.pivots, Eigen::OuterStride<>(front.size));
+    Eigen::Map<Eigen::MatrixXd> L(panel(front), front.size, front.pivots);
+    if (!blas::factorize(L)) return false;
+    Eigen::Map<Eigen::MatrixXd> rest(update(front), front.rest(), front.rest());
+    blas::subtract_square(L.bottomRows(front.rest()), rest);
     Eigen::Map<Eigen::VectorXd> rhs(forward_.data() + first_forward_[f], front.size);
     auto top = rhs.head(front.pivots);
-    panel_.topRows(front.pivots).triangularView<Eigen::Lower>().solveInPlace(top);
-    rhs.tail(front.rest()).noalias() -= panel_.bottomRows(front.rest()) * top;
+    L.topRows(front.pivots).triangularView<Eigen::Lower>().solveInPlace(top);
+    rhs.tail(front.rest()).noalias() -= L.bottomRows(front.rest()) * top;
     return true;
 }
 
 bool BlockCholesky::factorize(const ReducedSystem& system) {
-    const SerialKernels serial;
+    const blas::Serial serial;
     bool failed[3] = {};  // of each part
     over_fronts(true, [&](int f) {
         const int part = std::min(static_cast<int>(plan_.fronts[f].part), 2);

@@ -53,16 +53,18 @@ void ErrorsInVariables::clone(int at) {
     C_.middleCols<6>(at) = C_.leftCols<6>().eval();
 }
 
-void ErrorsInVariables::carry(int at, const CoreMatrix& T) {
-    const Eigen::Index n = T.rows();
-    C_.middleRows(at, n) = (T * C_.middleRows(at, n)).eval();
-    C_.middleCols(at, n) = (C_.middleCols(at, n) * T.transpose()).eval();
+void ErrorsInVariables::carry(int at, const Carrier& T) {
+    carry_columns(C_.middleCols(at, T.rows()), T);
+    carry_rows(C_.middleRows(at, T.rows()), T);
 }
 
-void ErrorsInVariables::update(const MatrixXd& X, const MatrixXd& W) {
-    const MatrixXd K = W.transpose() * X;
-    C_ -= (K * C_).eval();
-    C_ -= (C_ * K.transpose()).eval();
+void ErrorsInVariables::update(const blas::ConstMatrix& W, const blas::ConstMatrix& X) {
+    K_.setZero(C_.rows(), C_.rows());
+    blas::add_product(1, W, X, K_);
+    copy_ = C_.transpose();
+    blas::add_product(-1, K_, copy_, C_);
+    copy_ = C_;
+    blas::add_product(-1, copy_, K_, C_);
 }
 
 }  // namespace vio

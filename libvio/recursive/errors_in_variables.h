@@ -17,6 +17,8 @@
 
 #include <Eigen/Dense>
 
+#include "libvio/base/blas.h"
+#include "libvio/recursive/carrier.h"
 #include "libvio/recursive/core_state.h"
 
 namespace vio {
@@ -39,13 +41,14 @@ class ErrorsInVariables {
     /// The core's pose becomes the clone at an offset.
     void clone(int at);
     /// Errors from `at` on become T times what they were.
-    void carry(int at, const CoreMatrix& T);
-    /// Core and clones were measured: their errors become (I - W^T X) times what they were, and
-    /// noise. With S = L L^T: X = L^-1 H, W = L^-1 H P.
-    void update(const Eigen::MatrixXd& X, const Eigen::MatrixXd& W);
+    void carry(int at, const Carrier& T);
+    /// Core and clones were measured: their errors become (I - W X^T) times what they were, and
+    /// noise. With S = L L^T: W = P H^T L^-T, X = H^T L^-T.
+    void update(const blas::ConstMatrix& W, const blas::ConstMatrix& X);
 
  private:
     Eigen::MatrixXd C_;
+    Eigen::MatrixXd K_, copy_;  // work space
     // What waits for the clones r: C_cr = transition C_cr + coupling P_cr, C_rc = C_rc
     // transition^T.
     CoreMatrix transition_, coupling_;

@@ -240,20 +240,22 @@ void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
 }
 
 void FilterState::marginalise(const std::vector<bool>& remove) {
-    int to = window_size();
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-        if (remove[i]) continue;
-        const int from = landmark_offset(static_cast<int>(i));
-        if (from != to) {
-            P_.block(0, to, size_, 3) = P_.block(0, from, size_, 3).eval();
-            P_.block(to, 0, 3, size_) = P_.block(from, 0, 3, size_).eval();
-        }
-        landmarks_[kept++] = landmarks_[i];
-        to += 3;
+    if (std::find(remove.begin(), remove.end(), true) == remove.end()) return;
+    const int keep = window_size();  // rows and columns before the landmarks
+    std::vector<int> from;           // of the landmarks that stay
+    for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
+        if (!remove[i]) from.push_back(landmark_offset(i));
+    for (int to = 0; to < keep + 3 * static_cast<int>(from.size()); ++to) {
+        const int column = to < keep ? to : from[(to - keep) / 3] + (to - keep) % 3;
+        if (column != to) P_.col(to).head(keep) = P_.col(column).head(keep);
+        for (int i = 0; i < static_cast<int>(from.size()); ++i)
+            P_.col(to).segment<3>(keep + 3 * i) = P_.col(column).segment<3>(from[i]);
     }
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < landmarks_.size(); ++i)
+        if (!remove[i]) landmarks_[kept++] = landmarks_[i];
     landmarks_.resize(kept);
-    size_ = to;
+    size_ = keep + 3 * static_cast<int>(kept);
 }
 
 }  // namespace vio

@@ -164,24 +164,28 @@ class FilterState {
                                         const Eigen::Ref<const Eigen::VectorXd>& delta);
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
-    void gain(const std::vector<PointRows>& rows, const Eigen::VectorXd& scale_change,
-              const Eigen::VectorXd& scale_reading);
+    void mirror(int at, int count);
+    template <typename Columns>
+    void project(const PointRows& row, Columns&& PHt) const;
+    void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
+    void change_gain(const Eigen::VectorXd& u, const Eigen::VectorXd& reading);
+    bool factorize();
+    Eigen::VectorXd weighted(Eigen::VectorXd residual) const;
     Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
+    Eigen::VectorXd applied(const std::vector<PointRows>& rows, const Eigen::VectorXd& d) const;
+    void carry_back(const Eigen::VectorXd& delta, std::vector<PointRows>* rows) const;
     bool linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
                       const Eigen::VectorXd& residual, const Eigen::VectorXd& delta) const;
-    Eigen::VectorXd without_noise(const std::vector<PointRows>& rows,
-                                  const Eigen::VectorXd& from_noise, const Eigen::VectorXd& reading,
-                                  double scale, const Eigen::VectorXd& residual,
-                                  Eigen::VectorXd* weighted);
+    void reduce_covariance(const std::vector<PointRows>& rows, const Eigen::VectorXd& reading);
     void reduce_covariance();
     Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
-    Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& H,
+    Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& Ht,
                                        const Eigen::VectorXd& weighted) const;
     void doubt_sensitivity();
-    void update_sensitivity(const Eigen::MatrixXd& H);
+    void update_sensitivity(Eigen::MatrixXd Ht);
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
-    void carry(int at, const CoreMatrix& T);
+    void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;
     Eigen::VectorXd scale_reading() const;
     void carry_scale(const Eigen::VectorXd& change, const Eigen::VectorXd& reading);
@@ -207,9 +211,10 @@ class FilterState {
     std::optional<ErrorsInVariables> in_variables_;
     InnovationSums innovations_;
 
-    // Work space of updates: P H^T, its innovation covariance and factor, and L^-1 H P.
-    Eigen::MatrixXd PHt_, S_, W_;
-    Eigen::LLT<Eigen::MatrixXd> llt_;
+    // Work space of updates. H has rows J + u s^T (u empty: J), where s reads the scale's error.
+    Eigen::MatrixXd PHt_;            // P H^T, then W = P H^T L^-T
+    Eigen::MatrixXd S_, L_;          // innovation covariance and its factor, lower triangles
+    Eigen::VectorXd u_, P_reading_;  // P s
 };
 
 }  // namespace vio

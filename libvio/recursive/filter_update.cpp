@@ -15,6 +15,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kConverged = 0.05;  // standard deviations of a measurement
+constexpr int kRowsAtOnce = 64;      // of measurements that reduce the covariance, even
 
 }  // namespace
 
@@ -24,51 +25,70 @@ Vector2d FilterState::applied(const PointRows& row, const VectorXd& d) const {
            row.J_landmark * d.segment<3>(landmark_offset(row.landmark_idx));
 }
 
-// P H^T and S = H P H^T + I for landmarks seen from the core pose. H = J + (J change) reading^T
-// with fifteen columns of J per pair of rows; the second part, if any, carries the scale.
-void FilterState::gain(const std::vector<PointRows>& rows, const VectorXd& scale_change,
-                       const VectorXd& scale_reading) {
+VectorXd FilterState::applied(const std::vector<PointRows>& rows, const VectorXd& d) const {
+    VectorXd result(2 * static_cast<Eigen::Index>(rows.size()));
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        result.segment<2>(2 * static_cast<Eigen::Index>(i)) = applied(rows[i], d);
+    return result;
+}
+
+// Two columns of P J^T.
+template <typename Columns>
+void FilterState::project(const PointRows& row, Columns&& PJt) const {
+    const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
+              landmark = landmark_offset(row.landmark_idx);
+    PJt.noalias() = P_.topLeftCorner(size_, 6).lazyProduct(row.J_pose.transpose());
+    PJt.noalias() += P_.block(0, anchor, size_, 6).lazyProduct(row.J_anchor.transpose());
+    PJt.noalias() += P_.block(0, landmark, size_, 3).lazyProduct(row.J_landmark.transpose());
+}
+
+// P H^T and S = H P H^T + I for landmarks seen from the core pose, H = J.
+void FilterState::gain(const std::vector<PointRows>& rows) {
     const int m = 2 * static_cast<int>(rows.size());
     PHt_.resize(size_, m);
     S_.resize(m, m);
-    const auto anchor_offset = [&](const PointRows& row) {
-        return clone_offset(landmarks_[row.landmark_idx].anchor);
-    };
+    u_.resize(0);
+    for (int i = 0; i < m / 2; ++i) project(rows[i], PHt_.middleCols<2>(2 * i));
     for (int i = 0; i < m / 2; ++i) {
         const PointRows& row = rows[i];
-        auto columns = PHt_.middleCols<2>(2 * i);
-        columns.noalias() = P_.topLeftCorner(size_, 6).lazyProduct(row.J_pose.transpose());
-        columns.noalias() +=
-            P_.block(0, anchor_offset(row), size_, 6).lazyProduct(row.J_anchor.transpose());
-        columns.noalias() += P_.block(0, landmark_offset(row.landmark_idx), size_, 3)
-                                 .lazyProduct(row.J_landmark.transpose());
-    }
-    VectorXd J_change(m);
-    if (scale_change.size() > 0) {
-        const VectorXd P_reading = P() * scale_reading;
-        for (int i = 0; i < m / 2; ++i) J_change.segment<2>(2 * i) = applied(rows[i], scale_change);
-        PHt_.noalias() += P_reading * J_change.transpose();
-    }
-    for (int i = 0; i < m / 2; ++i) {
-        const PointRows& row = rows[i];
-        const int columns = 2 * i + 2;
+        const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
+                  landmark = landmark_offset(row.landmark_idx), columns = 2 * i + 2;
         auto S_row = S_.block(2 * i, 0, 2, columns);
         S_row.noalias() = row.J_pose.lazyProduct(PHt_.block(0, 0, 6, columns));
-        S_row.noalias() += row.J_anchor.lazyProduct(PHt_.block(anchor_offset(row), 0, 6, columns));
-        S_row.noalias() += row.J_landmark.lazyProduct(
-            PHt_.block(landmark_offset(row.landmark_idx), 0, 3, columns));
+        S_row.noalias() += row.J_anchor.lazyProduct(PHt_.block(anchor, 0, 6, columns));
+        S_row.noalias() += row.J_landmark.lazyProduct(PHt_.block(landmark, 0, 3, columns));
     }
-    if (scale_change.size() > 0)
-        S_.noalias() += J_change * (scale_reading.transpose() * PHt_).eval();
     S_.diagonal().array() += 1;
-    llt_.compute(S_);
+}
+
+// The same with H = J + u s^T, where s reads the scale's error.
+void FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
+    u_ = u;
+    P_reading_.noalias() = P() * reading;
+    const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading_) * u;
+    PHt_.noalias() += P_reading_ * u.transpose();
+    S_.selfadjointView<Eigen::Lower>().rankUpdate(u, half);
 }
 
 void FilterState::gain(const MatrixXd& H) {
-    PHt_.noalias() = P_.topLeftCorner(size_, H.cols()) * H.transpose();
+    PHt_.setZero(size_, H.rows());
+    blas::add_product(1, P_.topLeftCorner(size_, H.cols()), H, PHt_);
     S_.noalias() = H * PHt_.topRows(H.cols());
     S_.diagonal().array() += 1;
-    llt_.compute(S_);
+}
+
+// False where S is no covariance.
+bool FilterState::factorize() {
+    L_ = S_;
+    return blas::factorize(L_);
+}
+
+// S^-1 residual.
+VectorXd FilterState::weighted(VectorXd residual) const {
+    const auto L = L_.triangularView<Eigen::Lower>();
+    L.solveInPlace(residual);
+    L.transpose().solveInPlace(residual);
+    return residual;
 }
 
 MatrixXd FilterState::projected_covariance(const MatrixXd& H) const {
@@ -76,13 +96,38 @@ MatrixXd FilterState::projected_covariance(const MatrixXd& H) const {
     return H * PHt;
 }
 
-// P -= (P H^T) S^-1 (H P), by way of W = L^-1 H P so that the result stays symmetric.
+// P -= (P H^T) S^-1 (H P) = W W^T with W = P H^T L^-T, here and below in the lower triangle.
 void FilterState::reduce_covariance() {
-    W_ = PHt_.transpose();
-    llt_.matrixL().solveInPlace(W_);
-    auto P_now = P();
-    P_now.selfadjointView<Eigen::Lower>().rankUpdate(W_.transpose(), -1.0);
-    P_now.triangularView<Eigen::StrictlyUpper>() = P_now.transpose();
+    blas::divide(L_, PHt_);
+    blas::subtract_square(PHt_, P());
+}
+
+// The same for landmarks. A few columns of W at a time: the next are P H^T L^-T, too, with the P
+// reduced so far and their own block of L. As H is sparse, that costs less than the rest of L.
+void FilterState::reduce_covariance(const std::vector<PointRows>& rows, const VectorXd& reading) {
+    const int m = static_cast<int>(PHt_.cols());
+    for (int first = 0; first < m; first += kRowsAtOnce) {
+        const int count = std::min(kRowsAtOnce, m - first);
+        auto W = PHt_.middleCols(first, count);
+        if (first > 0) {
+            mirror(0, window_size());
+            for (int i = first / 2; i < (first + count) / 2; ++i) {
+                mirror(landmark_offset(rows[i].landmark_idx), 3);
+                project(rows[i], PHt_.middleCols<2>(2 * i));
+            }
+            if (u_.size() > 0) W.noalias() += P_reading_ * u_.segment(first, count).transpose();
+        }
+        blas::divide(L_.block(first, first, count, count), W);
+        blas::subtract_square(W, P());
+        if (u_.size() > 0) P_reading_.noalias() -= W * (W.transpose() * reading).eval();
+    }
+}
+
+// Upper triangle from the lower, for columns from `at` on.
+void FilterState::mirror(int at, int count) {
+    P_.block(0, at, at, count) = P_.block(at, 0, count, at).transpose();
+    auto own = P_.block(at, at, count, count);
+    own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
 }
 
 // Errors of a pose at the prior moved by delta, from those at the prior; see the header's head.
@@ -111,112 +156,100 @@ bool FilterState::linear_until(const Linearise& linearise, const std::vector<Poi
     return true;
 }
 
-// The correction with the scale's sensitivity changed by from_noise, the rows being good as they
-// are: H becomes H + u reading^T with u = H from_noise, which changes the factor of S by two ranks.
-// scale: correction of scale so far.
-VectorXd FilterState::without_noise(const std::vector<PointRows>& rows, const VectorXd& from_noise,
-                                    const VectorXd& reading, double scale, const VectorXd& residual,
-                                    VectorXd* weighted) {
-    VectorXd u(residual.size());
-    for (std::size_t i = 0; i < rows.size(); ++i)
-        u.segment<2>(2 * static_cast<Eigen::Index>(i)) = applied(rows[i], from_noise);
-    const VectorXd P_reading = P() * reading;
-    const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading) * u;
-    PHt_.noalias() += P_reading * u.transpose();
-    llt_.rankUpdate(u + half, 0.5);
-    llt_.rankUpdate(u - half, -0.5);
-    *weighted = llt_.solve(residual + scale * u);
-    return PHt_ * *weighted;
-}
-
 int FilterState::update(const Linearise& linearise, int max_iterations) {
+    const blas::Serial serial;
     std::vector<PointRows> rows;
-    VectorXd delta = VectorXd::Zero(size_), residual, weighted, next;
+    VectorXd delta = VectorXd::Zero(size_), residual, weight, next;
     const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
     doubt_sensitivity();
     const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
-    VectorXd scale_change, from_noise;
+    VectorXd from_noise;
     int iteration = 0;
     while (true) {
         linearise(delta, &rows);
         if (rows.empty()) return 0;
-        residual.resize(2 * static_cast<Eigen::Index>(rows.size()));
-        // Jacobians with respect to the errors at the prior, which are carried to this iterate.
-        const Matrix6d core = pose_carrier(delta.head<6>(), core_.T_W_I.R);
-        std::vector<Matrix6d> clone;
-        for (int i = 0; i < static_cast<int>(clones_.size()); ++i)
-            clone.push_back(pose_carrier(delta.segment<6>(clone_offset(i)), clones_[i].T_W_I.R));
-        for (std::size_t i = 0; i < rows.size(); ++i) {
-            PointRows& row = rows[i];
-            row.J_pose = (row.J_pose * core).eval();
-            row.J_anchor = (row.J_anchor * clone[landmarks_[row.landmark_idx].anchor]).eval();
-        }
+        carry_back(delta, &rows);
+        residual = applied(rows, delta);
+        for (std::size_t i = 0; i < rows.size(); ++i)
+            residual.segment<2>(2 * static_cast<Eigen::Index>(i)) += rows[i].residual;
+        gain(rows);
         if (iteration > 0 && reading.size() > 0) {
-            scale_change = scale_direction(delta) - scale_before;
+            VectorXd scale_change = scale_direction(delta) - scale_before;
             if (in_variables_) scale_change += from_noise;
+            change_gain(applied(rows, scale_change), reading);
+            residual += reading.dot(delta) * u_;
         }
-        const double scale = scale_change.size() > 0 ? reading.dot(delta) : 0;
-        for (std::size_t i = 0; i < rows.size(); ++i) {
-            auto r = residual.segment<2>(2 * static_cast<Eigen::Index>(i));
-            r = rows[i].residual + applied(rows[i], delta);
-            if (scale_change.size() > 0) r += scale * applied(rows[i], scale_change);
-        }
-        gain(rows, scale_change, reading);
-        weighted = llt_.solve(residual);
-        if (iteration == 0) innovations_.add(residual, residual.dot(weighted));
-        next.noalias() = PHt_ * weighted;
-        if (in_variables_) from_noise = sensitivity_change(window_jacobian(rows), weighted);
+        if (!factorize()) return 0;
+        weight = weighted(residual);
+        if (iteration == 0) innovations_.add(residual, residual.dot(weight));
+        next.noalias() = PHt_ * weight;
+        if (in_variables_) from_noise = sensitivity_change(window_jacobian(rows), weight);
         ++iteration;
         if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
-            if (from_noise.size() > 0 && reading.size() > 0) {
-                next = without_noise(rows, from_noise, reading, reading.dot(next), residual,
-                                     &weighted);
-                from_noise = sensitivity_change(window_jacobian(rows), weighted);
+            // The rows are good as they are, but for the scale's sensitivity.
+            if (in_variables_ && reading.size() > 0) {
+                change_gain(applied(rows, from_noise), reading);
+                if (!factorize()) return 0;
+                weight = weighted(residual + reading.dot(next) * u_);
+                next.noalias() = PHt_ * weight;
+                from_noise = sensitivity_change(window_jacobian(rows), weight);
             }
             delta.swap(next);
             break;
         }
-        double change = 0;
-        const VectorXd step = next - delta;
-        for (const PointRows& row : rows)
-            change = std::max(change, applied(row, step).lpNorm<Eigen::Infinity>());
+        const double change = applied(rows, next - delta).lpNorm<Eigen::Infinity>();
         delta.swap(next);
         if (iteration >= max_iterations || change < kConverged) break;
     }
-    reduce_covariance();
+    reduce_covariance(rows, reading);
     if (in_variables_) update_sensitivity(window_jacobian(rows));
     correct(delta, from_noise);
     return iteration;
 }
 
+// Jacobians with respect to the errors at the prior, from those at the prior moved by delta.
+void FilterState::carry_back(const VectorXd& delta, std::vector<PointRows>* rows) const {
+    const Matrix6d core = pose_carrier(delta.head<6>(), core_.T_W_I.R);
+    std::vector<Matrix6d> clone;
+    for (int i = 0; i < static_cast<int>(clones_.size()); ++i)
+        clone.push_back(pose_carrier(delta.segment<6>(clone_offset(i)), clones_[i].T_W_I.R));
+    for (PointRows& row : *rows) {
+        row.J_pose = (row.J_pose * core).eval();
+        row.J_anchor = (row.J_anchor * clone[landmarks_[row.landmark_idx].anchor]).eval();
+    }
+}
+
+// Rows of H for the window, transposed.
 MatrixXd FilterState::window_jacobian(const std::vector<PointRows>& rows) const {
-    MatrixXd H = MatrixXd::Zero(2 * static_cast<Eigen::Index>(rows.size()), window_size());
+    MatrixXd Ht = MatrixXd::Zero(window_size(), 2 * static_cast<Eigen::Index>(rows.size()));
     for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(rows.size()); ++i) {
         const int anchor = landmarks_[rows[i].landmark_idx].anchor;
-        H.block<2, 6>(2 * i, 0) = rows[i].J_pose;
-        H.block<2, 6>(2 * i, clone_offset(anchor)) = rows[i].J_anchor;
+        Ht.block<6, 2>(0, 2 * i) = rows[i].J_pose.transpose();
+        Ht.block<6, 2>(clone_offset(anchor), 2 * i) = rows[i].J_anchor.transpose();
     }
-    return H;
+    return Ht;
 }
 
 void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
+    const blas::Serial serial;
     doubt_sensitivity();
     gain(H);
-    const VectorXd weighted = llt_.solve(residual);
-    innovations_.add(residual, residual.dot(weighted));
-    const VectorXd delta = PHt_ * weighted;
+    if (!factorize()) return;
+    const VectorXd weight = weighted(residual);
+    innovations_.add(residual, residual.dot(weight));
+    const VectorXd delta = PHt_ * weight;
     VectorXd from_noise;
-    if (in_variables_) from_noise = sensitivity_change(H, weighted);
+    if (in_variables_) from_noise = sensitivity_change(H.transpose(), weight);
     reduce_covariance();
-    if (in_variables_) update_sensitivity(H);
+    if (in_variables_) update_sensitivity(H.transpose());
     correct(delta, from_noise);
 }
 
 // What an innovation, weighted by S^-1, changes in the errors' sensitivity to scale; see
 // errors_in_variables.h.
-VectorXd FilterState::sensitivity_change(const MatrixXd& H, const VectorXd& weighted) const {
+VectorXd FilterState::sensitivity_change(const MatrixXd& Ht, const VectorXd& weight) const {
     VectorXd change = VectorXd::Zero(size_);
-    change.head(window_size()) = -in_variables_->correlation() * (H.transpose() * weighted);
+    change.head(window_size()) = -in_variables_->correlation() * (Ht * weight);
     return change;
 }
 
@@ -228,13 +261,14 @@ void FilterState::doubt_sensitivity() {
         in_variables_->forget();
 }
 
-// For the update with H whose factors are in the work space.
-void FilterState::update_sensitivity(const MatrixXd& H) {
-    in_variables_->update(llt_.matrixL().solve(H), W_.leftCols(window_size()));
+// For the update whose factors are in the work space.
+void FilterState::update_sensitivity(MatrixXd Ht) {
+    blas::divide(L_, Ht);
+    in_variables_->update(PHt_.topRows(window_size()), Ht);
 }
 
-// Moves the mean, and the covariance with it: P <- T P T^T with T of the header's head, which
-// touches the rows and columns of the core and of each clone.
+// Moves the mean, and the covariance with it, of which the lower triangle is read: P <- T P T^T
+// with T of the header's head, which touches the rows and columns of the core and of each clone.
 void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
     if (invariant_) {
         const VectorXd reading = scale_reading();
@@ -244,16 +278,18 @@ void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
             carry_scale(change, reading);
         }
     }
+    if (invariant_) mirror(0, window_size());
     const CoreState before = core_;
     core_ = moved(core_, delta.head(core_size_));
-    if (invariant_) carry(0, core_carrier(delta.head(core_size_), before, core_));
+    if (invariant_) carry(0, core_carrier(delta.head(core_size_), before, core_).leftCols<3>());
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i) {
         const Vector6d own = delta.segment<6>(clone_offset(i));
-        if (invariant_) carry(clone_offset(i), pose_carrier(own, clones_[i].T_W_I.R));
+        if (invariant_) carry(clone_offset(i), pose_carrier(own, clones_[i].T_W_I.R).leftCols<3>());
         clones_[i].T_W_I = clones_[i].T_W_I.boxplus(own);
     }
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
         landmarks_[i].point.x += delta.segment<3>(landmark_offset(i));
+    mirror(0, size_);
 }
 
 // Direction of scale at the mean moved by delta; see the header's head.
@@ -292,23 +328,19 @@ VectorXd FilterState::scale_reading() const {
 }
 
 void FilterState::carry_scale(const VectorXd& change, const VectorXd& reading) {
-    const VectorXd P_reading = P() * reading;
+    auto P_lower = P().selfadjointView<Eigen::Lower>();
+    const VectorXd P_reading = P_lower * reading;
     const VectorXd half = P_reading + 0.5 * reading.dot(P_reading) * change;
-    auto P_now = P();
-    P_now.selfadjointView<Eigen::Lower>().rankUpdate(half, change, 1.0);
-    P_now.triangularView<Eigen::StrictlyUpper>() = P_now.transpose();
+    P_lower.rankUpdate(half, change, 1.0);
 }
 
-// The errors from `at` on become T times what they were.
-void FilterState::carry(int at, const CoreMatrix& T) {
-    if (in_variables_) in_variables_->carry(at, T);
+// The errors from `at` on, of core or clones, become T times what they were: in the columns of the
+// window, hence in the lower triangle.
+void FilterState::carry(int at, const Carrier& T) {
     const Eigen::Index n = T.rows();
-    const CoreMatrix own = P_.block(at, at, n, n);
-    const MatrixXd rows = T * P_.block(at, 0, n, size_);
-    P_.block(at, 0, n, size_) = rows;
-    P_.block(0, at, size_, n) = rows.transpose();
-    const CoreMatrix moved_own = T * own * T.transpose();
-    P_.block(at, at, n, n) = 0.5 * (moved_own + moved_own.transpose());
+    carry_columns(P_.block(0, at, size_, n), T);
+    carry_rows(P_.block(at, 0, n, window_size()), T);
+    if (in_variables_) in_variables_->carry(at, T);
 }
 
 }  // namespace vio

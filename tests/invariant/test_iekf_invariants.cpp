@@ -73,6 +73,45 @@ TEST(IekfLinear, UpdateEqualsInformationSolution) {
         1e-9 * delta.norm());
 }
 
+// More rows than reduce the covariance at once.
+TEST(IekfLinear, LandmarkUpdateEqualsInformationSolution) {
+    constexpr int kLandmarks = 75;
+    std::mt19937 random(4);
+    FilterState state = some_state(random, CoreKind::inertial, false);
+    state.marginalise({true, true, true, true});
+    std::vector<LandmarkState> landmarks(kLandmarks);
+    for (int i = 0; i < kLandmarks; ++i) landmarks[i].anchor = i % 3;
+    const int w = state.window_size(), n = w + 3 * kLandmarks;
+    state.start_landmarks(landmarks, random_covariance(random, n));
+    const MatrixXd P = state.covariance();
+    std::vector<PointRows> rows;
+    MatrixXd H = MatrixXd::Zero(2 * kLandmarks, n);
+    VectorXd r(2 * kLandmarks);
+    for (int i = 0; i < kLandmarks; ++i) {
+        PointRows row;
+        row.landmark_idx = (7 * i) % kLandmarks;  // in no order
+        row.residual = 1e-6 * random_matrix(random, 2, 1);
+        row.J_pose = random_matrix(random, 2, 6);
+        row.J_anchor = random_matrix(random, 2, 6);
+        row.J_landmark = random_matrix(random, 2, 3);
+        const int anchor = state.landmarks()[row.landmark_idx].anchor;
+        H.block<2, 6>(2 * i, 0) = row.J_pose;
+        H.block<2, 6>(2 * i, state.clone_offset(anchor)) = row.J_anchor;
+        H.block<2, 3>(2 * i, state.landmark_offset(row.landmark_idx)) = row.J_landmark;
+        r.segment<2>(2 * i) = row.residual;
+        rows.push_back(row);
+    }
+    const Vector3d p = state.landmarks()[60].point.x;
+    state.update([&](const VectorXd&, std::vector<PointRows>* out) { *out = rows; }, 1);
+    const MatrixXd expected = (P.inverse() + H.transpose() * H).inverse();
+    EXPECT_LT((state.covariance() - expected).norm(), 1e-9 * expected.norm());
+    EXPECT_EQ(MatrixXd(state.covariance()), MatrixXd(state.covariance().transpose()));
+    const VectorXd delta = expected * H.transpose() * r;
+    EXPECT_LT(
+        (state.landmarks()[60].point.x - p - delta.segment<3>(state.landmark_offset(60))).norm(),
+        1e-9 * delta.norm());
+}
+
 TEST(IekfLinear, LazyCoreEqualsWholeState) {
     std::mt19937 random(2);
     FilterState state = some_state(random, CoreKind::smooth, false);
@@ -287,6 +326,31 @@ TEST(IekfRun, CovarianceStaysPositiveDefinite) {
         ASSERT_EQ(state.covariance, state.covariance.transpose());
         ASSERT_EQ(state.covariance.llt().info(), Eigen::Success);
     }
+}
+
+TEST(IekfRun, WholeCovarianceWithManyLandmarksStaysACovariance) {
+    const test::SimulatedRun run = test::simulate_run({.seconds = 6, .features = 120});
+    IekfOptions options;
+    options.max_landmarks = 120;
+    Iekf filter(run.rig, options, {});
+    filter.start(test::sampled_start(run, 5, 77));
+    std::size_t next = 5;
+    for (const ImuReading& reading : run.readings) {
+        while (next < run.frames.size() && run.frames[next].t <= reading.t) {
+            filter.add(run.frames[next]);
+            const FilterState* state = filter.state();
+            if (next++ % 10 != 9 || state == nullptr) continue;
+            const MatrixXd P = state->covariance();
+            ASSERT_EQ(P, MatrixXd(P.transpose()));
+            const VectorXd sigma = P.diagonal().cwiseSqrt();
+            const MatrixXd correlation =
+                (P.array() / (sigma * sigma.transpose()).array()).matrix() +
+                1e-12 * MatrixXd::Identity(P.rows(), P.cols());  // a clone may be where the core is
+            ASSERT_EQ(correlation.llt().info(), Eigen::Success);
+        }
+        filter.add(reading);
+    }
+    EXPECT_GT(filter.state()->landmarks().size(), 60u);
 }
 
 }  // namespace

@@ -1,0 +1,88 @@
+#include "libvio/base/blas.h"
+
+#include <algorithm>
+#include <mutex>
+
+extern "C" {
+void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
+            const double* a, const int* lda, const double* beta, double* c, const int* ldc);
+void dgemm_(const char* transa, const char* transb, const int* m, const int* n, const int* k,
+            const double* alpha, const double* a, const int* lda, const double* b, const int* ldb,
+            const double* beta, double* c, const int* ldc);
+void dtrsm_(const char* side, const char* uplo, const char* trans, const char* diag, const int* m,
+            const int* n, const double* alpha, const double* a, const int* lda, double* b,
+            const int* ldb);
+// Of OpenBLAS, where it is the BLAS; null otherwise.
+[[gnu::weak]] void openblas_set_num_threads(int threads);
+[[gnu::weak]] int openblas_get_num_threads();
+}
+
+namespace vio::blas {
+namespace {
+
+constexpr double kOne = 1, kMinusOne = -1;
+
+std::mutex serial_mutex;
+int serial_count = 0, threads_before = 1;
+
+int stride(const ConstMatrix& A) {
+    return std::max(1, static_cast<int>(A.outerStride()));
+}
+
+}  // namespace
+
+Serial::Serial() {
+    if (!openblas_set_num_threads || !openblas_get_num_threads) return;
+    const std::lock_guard<std::mutex> lock(serial_mutex);
+    if (serial_count++ > 0) return;
+    threads_before = openblas_get_num_threads();
+    if (threads_before != 1) openblas_set_num_threads(1);
+}
+
+Serial::~Serial() {
+    if (!openblas_set_num_threads || !openblas_get_num_threads) return;
+    const std::lock_guard<std::mutex> lock(serial_mutex);
+    if (--serial_count == 0 && threads_before != 1) openblas_set_num_threads(threads_before);
+}
+
+void subtract_square(const ConstMatrix& A, Matrix C) {
+    const int n = static_cast<int>(A.rows()), k = static_cast<int>(A.cols());
+    const int lda = stride(A), ldc = stride(C);
+    if (n > 0 && k > 0) dsyrk_("L", "N", &n, &k, &kMinusOne, A.data(), &lda, &kOne, C.data(), &ldc);
+}
+
+void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C) {
+    const int m = static_cast<int>(A.rows()), n = static_cast<int>(B.rows()),
+              k = static_cast<int>(A.cols());
+    const int lda = stride(A), ldb = stride(B), ldc = stride(C);
+    if (m > 0 && n > 0 && k > 0)
+        dgemm_("N", "T", &m, &n, &k, &alpha, A.data(), &lda, B.data(), &ldb, &kOne, C.data(), &ldc);
+}
+
+void divide(const ConstMatrix& L, Matrix B) {
+    const int m = static_cast<int>(B.rows()), n = static_cast<int>(B.cols());
+    const int lda = stride(L), ldb = stride(B);
+    if (m > 0 && n > 0) dtrsm_("R", "L", "T", "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
+}
+
+bool factorize(Matrix A) {
+    constexpr Eigen::Index kWidth = 48;
+    for (Eigen::Index k = 0; k < A.cols(); k += kWidth) {
+        const Eigen::Index width = std::min(kWidth, A.cols() - k);
+        const Eigen::Index columns = A.cols() - k - width, below = A.rows() - k - width;
+        auto diagonal = A.block(k, k, width, width);
+        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kWidth, kWidth> square = diagonal;
+        const Eigen::LLT<Eigen::Ref<decltype(square)>> llt(square);
+        if (llt.info() != Eigen::Success) return false;
+        diagonal.triangularView<Eigen::Lower>() = square;
+        auto rows = A.block(k + width, k, below, width);
+        divide(diagonal, rows);
+        auto next = A.block(k + width, k + width, below, columns);
+        subtract_square(rows.topRows(columns), next.topRows(columns));
+        add_product(-1, rows.bottomRows(below - columns), rows.topRows(columns),
+                    next.bottomRows(below - columns));
+    }
+    return true;
+}
+
+}  // namespace vio::blas

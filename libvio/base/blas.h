@@ -1,0 +1,34 @@
+// Dense products on the machine's BLAS, which is made for the very processor, as this program,
+// for all of its kind, is not. Column-major; a matrix with L is lower triangular, what stands above
+// its diagonal is neither read nor written.
+#pragma once
+
+#include <Eigen/Dense>
+
+namespace vio::blas {
+
+/// BLAS on one thread while this lives: at our sizes waking and awaiting threads costs more than
+/// half of the time on an idle machine and ten times the work on a busy one. (The setting is the
+/// process's; the last that ends restores it.)
+class Serial {
+ public:
+    Serial();
+    ~Serial();
+    Serial(const Serial&) = delete;
+    Serial& operator=(const Serial&) = delete;
+};
+
+using Matrix = Eigen::Ref<Eigen::MatrixXd>;
+using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd>;
+
+/// C -= A A^T, lower triangle.
+void subtract_square(const ConstMatrix& A, Matrix C);
+/// C += alpha A B^T.
+void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C);
+/// B <- B L^-T.
+void divide(const ConstMatrix& L, Matrix B);
+/// Cholesky's factor of the square on top of a panel A, lower triangle, in its place; its rows
+/// below become theirs times L^-T. False where the square is not positive definite.
+bool factorize(Matrix A);
+
+}  // namespace vio::blas
