@@ -94,19 +94,24 @@ done
 echo
 echo "Tracks (legend: tests/tools/track_quality.cpp)"
 readonly TRACKS=build/release/tests/vio_track_quality
-"$TRACKS" datasets/demo.rawlog datasets/demo.truth.tum datasets/demo.ini
+"$TRACKS" datasets/demo.rawlog datasets/demo.truth.tum datasets/demo.ini --spoil
 if [[ -d $DATA/euroc_mh01_15s ]]; then
     echo "MH_01, against the recorded truth"
     "$TRACKS" "$OUT/mh01.rawlog" "$OUT/mh01.truth.tum" \
         --estimate "$OUT/MH_01_15_s__batch/trajectory.tum"
 fi
-# VIO_ROVER=N: images of the rover at 1.5 Hz (1401 in all, 0.12 s each to draw).
+# VIO_ROVER=N: images of the rover at 1.5 Hz (1401 in all, 0.12 s each to draw), and sudden moves
+# seen at 6 Hz: where prediction should matter.
 if [[ ${VIO_ROVER:-} ]]; then
+    echo "Erratic motion, 6 images a second"
+    "$VIO_SLAM" simulate datasets/stress/erratic.ini --set images.render=true \
+        --set tracks.make=false --set camera.rate=6 -o "$OUT/erratic.rawlog" >/dev/null
+    "$TRACKS" "$OUT/erratic.rawlog" "$OUT/erratic.truth.tum" datasets/stress/erratic.ini
     echo "Rover, first $VIO_ROVER images"
     "$VIO_SLAM" simulate datasets/rover.ini --set images.render=true --set tracks.make=false \
         --set camera.count="$VIO_ROVER" -o "$OUT/rover.rawlog" >/dev/null
     "$TRACKS" "$OUT/rover.rawlog" "$OUT/rover.truth.tum" datasets/rover.ini \
-        --set tracker.max_features=210
+        --set tracker.max_features=210 --ends
 fi
 
 echo

@@ -107,7 +107,9 @@ inline double share(const std::vector<double>& values, const std::function<bool(
 
 struct EpipolarError {
     double px;
-    double seconds;  // between the two sights
+    double px_per_m;    // its standard deviation for positions with one of a metre
+    TimeNs first, now;  // the two sights
+    double seconds() const { return vio::to_seconds(now - first); }
 };
 
 // Of every observation against the first of its track.
@@ -127,23 +129,67 @@ inline std::vector<EpipolarError> epipolar_errors(const vio::Camera& camera, con
             const Vector3d t = T_C1_C2.p.norm() > 1e-9 ? T_C1_C2.p.normalized() : Vector3d::UnitZ();
             const double residual =
                 vio::two_view_residual({f1->direction, f2->direction}, T_C1_C2.R, t);
-            errors.push_back(
-                {residual / camera.angular_resolution(), vio::to_seconds(now->first - t1)});
+            // The baseline turns by its error across it, and the plane of the two rays with it.
+            const Vector3d g = T_C1_C2.R * f2->direction, normal = g.cross(f1->direction);
+            const double gradient = std::hypot(t.cross(g).norm(), t.cross(f1->direction).norm());
+            const double slope =
+                M_SQRT2 * normal.cross(t).norm() / std::max(1e-12, gradient * T_C1_C2.p.norm());
+            errors.push_back({residual / camera.angular_resolution(),
+                              slope / camera.angular_resolution(), t1, now->first});
         }
     }
     return errors;
 }
 
-// Share under the limit of a good one, of sights so long after the first.
-inline double good_share(const std::vector<EpipolarError>& errors, double least_seconds = 0,
-                         double most_seconds = 1e9) {
+// Share under the limit of a good one, of those that count. Positions with this standard deviation
+// [m], known to three of them, may be to blame for more.
+template <typename Counts>
+double good_share(const std::vector<EpipolarError>& errors, const Counts& counts,
+                  double sigma_m = 0) {
     int all = 0, good = 0;
     for (const EpipolarError& e : errors) {
-        if (e.seconds < least_seconds || e.seconds >= most_seconds) continue;
+        if (!counts(e)) continue;
         ++all;
-        good += e.px < kGood_px;
+        good += e.px < kGood_px + 3 * sigma_m * e.px_per_m;
     }
     return all > 0 ? static_cast<double>(good) / all : 0;
+}
+
+// Where the truth itself cannot be right: between two of its poses its position steps aside by more
+// than the accelerometer allows (a truth that is fitted to a tracker's sights now and then does).
+struct Jump {
+    TimeNs t;
+    double metres;
+};
+
+inline std::vector<Jump> truth_jumps(const Input& input, double least_metres = 1e-3) {
+    std::vector<const vio::ImuReading*> readings;
+    for (const Message& message : input.messages)
+        if (const auto* reading = std::get_if<vio::ImuReading>(&message))
+            readings.push_back(reading);
+    // Change of velocity at a pose that no reading shows, times the time to the next pose.
+    const auto unexplained = [&](std::size_t i) -> Vector3d {
+        const auto& [t, T_W_B] = input.truth[i];
+        const auto p = [&](std::size_t k) { return (input.truth[k].T_W_B * input.rig.T_B_I).p; };
+        const auto near = std::lower_bound(
+            readings.begin(), readings.end(), t,
+            [](const vio::ImuReading* reading, TimeNs time) { return reading->t < time; });
+        const double before = vio::to_seconds(t - input.truth[i - 1].t);
+        const double after = vio::to_seconds(input.truth[i + 1].t - t);
+        if (near == readings.end() || before > 0.02 || after > 0.02) return Vector3d::Zero();
+        const Vector3d a = T_W_B.R * input.rig.T_B_I.R * (*near)->accel - 9.81 * Vector3d::UnitZ();
+        const Vector3d change = (p(i + 1) - p(i)) / after - (p(i) - p(i - 1)) / before;
+        return after * (change - 0.5 * (before + after) * a);
+    };
+    // A step shows as a change of velocity and one back, and half of it before and after.
+    std::vector<double> steps(input.truth.size(), 0);
+    for (std::size_t i = 1; i + 2 < input.truth.size(); ++i)
+        steps[i] = 0.5 * (unexplained(i) - unexplained(i + 1)).norm();
+    std::vector<Jump> jumps;
+    for (std::size_t i = 1; i + 2 < input.truth.size(); ++i)
+        if (steps[i] > std::max({least_metres, steps[i - 1], steps[i + 1]}))
+            jumps.push_back({input.truth[i].t, steps[i]});
+    return jumps;
 }
 
 // Camera poses with the rotations of one set and the positions of another,
