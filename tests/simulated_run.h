@@ -183,6 +183,23 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
     return run;
 }
 
+/// Five seconds along the same path while turning about a random axis by `span_deg`, at 30 Hz.
+inline SimulatedRunOptions turning_run(int span_deg, unsigned seed) {
+    std::mt19937 engine(1000 * static_cast<unsigned>(span_deg) + seed);
+    std::normal_distribution<double> normal;
+    const Eigen::Vector3d axis =
+        Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
+    SimulatedRunOptions options;
+    options.seed = seed;
+    options.seconds = 5;
+    options.image_hz = 30;
+    options.features = 40;
+    options.longest_track = 60;
+    const double rate = span_deg * M_PI / 180 / options.seconds;
+    options.rotation = [=](double t) -> Eigen::Matrix3d { return so3::exp(rate * t * axis); };
+    return options;
+}
+
 /// Start at a frame with errors drawn from the covariance that it states; points in the frame
 /// included. Position and yaw are exact, as where a world frame begins.
 inline BatchTail sampled_start(const SimulatedRun& run, std::size_t frame, unsigned seed) {

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
+#include "libvio/base/median.h"
+#include "libvio/batch/course.h"
 #include "libvio/batch/marginals.h"
-#include "libvio/batch/minimize.h"
 #include "libvio/batch/observability.h"
 #include "libvio/batch/start.h"
 #include "libvio/tracking/keyframes.h"
@@ -19,159 +21,120 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A model of the first images, its state, and what happened to it.
-struct Course {
-    const BatchProblem& problem;
-    const BatchOptions& options;
-    Model model;
-    State state;
-    MinimizeReport last;
-    BatchReport sums;  // iterations and times so far
+double seconds_since(Clock::time_point began) {
+    return std::chrono::duration<double>(Clock::now() - began).count();
+}
+
+// A first estimate of everything by begin(), then the minimum over everything, without outliers.
+template <typename Begin>
+void run(Course& course, Begin begin) {
+    auto began = Clock::now();
+    begin();
+    course.sums.start_s += seconds_since(began);
+    began = Clock::now();
+    if (!course.model.inertial || gravity_known(course)) minimize_all(course);
+    course.sums.minimize_s += seconds_since(began);
+}
+
+// How well an estimate explains all observations, those dropped included, of points that every
+// start has in its model.
+struct Fit {
+    double cost = 0;
+    bool doubtful = false;  // more is left than noise and mistracks explain
 };
 
-void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
-    NormalEquations equations(course.model, make_layout(course.model, course.options),
-                              thread_count(course.options));
-    // Without a start, ranges say nothing yet.
-    if (stage.truncated) equations.point_damping = NormalEquations::PointDamping::alike;
-    Objective objective(course.model, course.options, stage);
-    const MinimizeReport report = minimize(objective, equations, limits, course.state);
-    BatchReport& sums = course.sums;
-    if (sums.iterations == 0) sums.initial_cost = report.initial.total();
-    sums.iterations += report.iterations;
-    sums.rejected_steps += report.rejected;
-    sums.linearize_s += report.linearize_s;
-    sums.solve_s += report.solve_s;
-    sums.evaluate_s += report.evaluate_s;
-    course.last = report;
-}
-
-bool gravity_known(const Course& course) {
-    return course.state.gravity.norm() > 0.5 * course.options.gravity_norm;
-}
-
-// Puts gravity's norm where it belongs; the minimisation that follows settles the rest.
-void fix_gravity_norm(Course& course) {
-    if (course.model.inertial && course.options.gravity == "magnitude" &&
-        course.state.gravity.norm() > 0)
-        course.state.gravity *= course.options.gravity_norm / course.state.gravity.norm();
-}
-
-// Points that most of their images disagree with have been trapped (on the wrong side of a camera,
-// or placed from poses that were wrong then): the robust loss would never let them go. True if any
-// was moved.
-bool free_trapped_points(Course& course) {
-    const double limit2 = std::pow(course.options.loss_width * 2, 2);
-    const Objective objective(course.model, course.options, {});
-    bool moved_any = false;
-    for (size_t j = 0; j < course.model.points.size(); ++j) {
-        const Point& point = course.model.points[j];
-        const auto misfits = [&](const State& state) {
-            int count = 0;
-            for (int k = 0; k < point.observation_count; ++k)
-                count +=
-                    objective.observation_distance2(
-                        state, course.model.observations[point.first_observation + k]) > limit2;
-            return count;
-        };
-        const int before = misfits(course.state);
-        if (point.fiducial || 2 * before <= point.observation_count) continue;
-        const auto moved = triangulate_point(course.model, course.state, point);
-        if (!moved) continue;
-        const Eigen::Vector3d kept = std::exchange(course.state.points[j], *moved);
-        if (misfits(course.state) >= before)
-            course.state.points[j] = kept;
-        else
-            moved_any = true;
-    }
-    return moved_any;
-}
-
-// Cost that noise explains: two for each observation.
-double explained_cost(const Model& model) {
-    return 2 * static_cast<double>(model.observations.size());
-}
-
-// First with gravity free (it starts at zero), quadratic far from the solution. Returns the cost.
-double minimize_from_nothing(Course& course, State start) {
-    course.state = std::move(start);
-    constexpr int kRounds = 3;
-    for (int round = 0; round < kRounds; ++round) {
-        minimize_stage(
-            course, {true, "huber", true},
-            {course.options.max_iterations, std::max(1e-6, course.options.cost_tolerance), 1e-6});
-        if (course.last.final.total() <= explained_cost(course.model) ||
-            !free_trapped_points(course))
-            break;
-    }
-    return course.last.final.total();
-}
-
-// From nothing: the paper's start, and where that ends with more cost than noise explains, a second
-// one that lets the cameras turn as the gyro says; the better of the two.
-void start_blind(Course& course, int images) {
-    course.model = make_model(course.problem, course.options, images, 2);
-    const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
-    if (course.model.inertial && !(cost <= explained_cost(course.model))) {
-        State first = std::move(course.state);
-        if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
-            course.state = std::move(first);
-    }
-    fix_gravity_norm(course);
-}
-
-// Grows the estimate from a prefix to all images, by a quarter at a time.
-void start_staged(Course& course) {
-    const int all = static_cast<int>(course.problem.frames.size());
-    int images = std::min(all, course.options.prefix_images);
-    start_blind(course, images);
-    constexpr int kIterationsPerStage = 8;
-    const bool free = course.options.gravity == "free";
-    while (images < all) {
-        minimize_stage(course, {free, course.options.loss}, {kIterationsPerStage, 1e-4});
-        free_trapped_points(course);
-        images = std::min(all, std::max(images + 10, images * 5 / 4));
-        Model longer = make_model(course.problem, course.options, images);
-        course.state = continued_start(longer, course.model, course.state);
-        course.model = std::move(longer);
-    }
-}
-
-// Marks observations that do not fit; true if there are any new ones.
-bool drop_outliers(Course& course) {
-    const double limit2 = course.options.outlier_sigmas * course.options.outlier_sigmas;
-    if (limit2 == 0) return false;
-    const Objective objective(course.model, course.options, {});
-    bool any = false;
-    for (Observation& observation : course.model.observations)
-        if (observation.active &&
-            objective.observation_distance2(course.state, observation) > limit2) {
-            observation.active = false;
-            any = true;
+Fit fit_of(const Course& course) {
+    constexpr int kSeenByAllStarts = 3;
+    constexpr double kNever = std::numeric_limits<double>::infinity();
+    // Mistracks, and noise stated too small or too large, are common; so many observations so far
+    // beyond the spread of the others are not.
+    constexpr double kFarBeyond2 = 25, kTooMany = 0.04, kMedianOfSquare = 1.386;
+    Model model = course.model;
+    int count = 0;
+    for (const Point& point : model.points)
+        for (int k = 0; k < point.observation_count; ++k) {
+            const bool counts = point.observation_count >= kSeenByAllStarts;
+            model.observations[point.first_observation + k].active = counts;
+            count += counts;
         }
-    // What is left of a point must still fix it.
-    for (const Point& point : course.model.points) {
-        Observation* first = &course.model.observations[point.first_observation];
-        const auto active = std::count_if(first, first + point.observation_count,
-                                          [](const Observation& o) { return o.active; });
-        if (active < 2 && !point.fiducial)
-            for (int k = 0; k < point.observation_count; ++k) first[k].active = false;
-    }
-    return any;
+    const Objective objective(model, course.options,
+                              {course.options.gravity == "free", course.options.loss});
+    std::vector<double> distances2;
+    for (const Observation& observation : model.observations)
+        if (observation.active)
+            distances2.push_back(objective.observation_distance2(course.state, observation));
+    Fit fit{objective.evaluate(course.state).total(), true};
+    if (course.model.inertial && !gravity_known(course)) fit.cost = kNever;
+    if (distances2.empty() || fit.cost == kNever) return fit;
+    const double variance = median(distances2) / kMedianOfSquare;
+    const auto beyond = std::count_if(distances2.begin(), distances2.end(),
+                                      [&](double d2) { return !(d2 <= kFarBeyond2 * variance); });
+    fit.doubtful = !(fit.cost <= 2.0 * count) || static_cast<double>(beyond) > kTooMany * count;
+    return fit;
 }
 
-void minimize_all(Course& course) {
-    const Stage stage{course.options.gravity == "free", course.options.loss};
-    const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
-    minimize_stage(course, stage, limits);
-    if (free_trapped_points(course)) minimize_stage(course, stage, limits);
-    if (drop_outliers(course)) minimize_stage(course, stage, limits);
+// From a second start; nothing where that cannot begin (hardly any features in its first images).
+std::optional<Course> estimate_staged(const BatchProblem& problem, const BatchOptions& options,
+                                      int prefix_images, const BatchReport& sums) {
+    Course course{problem, options, {}, {}, {}, sums};
+    try {
+        run(course, [&] { start_staged(course, prefix_images); });
+    } catch (const InputError&) {
+        return std::nullopt;
+    }
+    return course;
+}
+
+// From nothing. An estimate that leaves more than noise and mistracks explain may be a minimum, but
+// not the least: then another start is tried, and the better estimate taken. Where the doubt
+// remains, only their agreement clears it.
+Course estimate_from_nothing(const BatchProblem& problem, const BatchOptions& options) {
+    constexpr double kAlike = 0.01;  // of the cost
+    const bool blind = options.start == "blind";
+    const int all = static_cast<int>(problem.frames.size()), prefix = options.prefix_images;
+    Course one{problem, options, {}, {}, {}, {}};
+    run(one, [&] {
+        if (blind)
+            start_blind(one, all);
+        else
+            start_staged(one, prefix);
+    });
+    const Fit fit = fit_of(one);
+    if (!fit.doubtful || prefix >= all) return one;
+
+    auto two = estimate_staged(problem, options, blind ? prefix : 2 * prefix, one.sums);
+    if (!two) return one;
+    one.sums = two->sums;
+    const Fit other = fit_of(*two);
+    const bool better = other.cost < fit.cost;
+    Course& best = better ? *two : one;
+    best.remark = better ? " (from a second start: the first left too much unexplained)"
+                         : " (a second start led to no less cost)";
+    if ((better ? other : fit).doubtful &&
+        !(std::abs(other.cost - fit.cost) <= kAlike * std::min(other.cost, fit.cost)))
+        best.dispute = "two starts led to different estimates (costs " + std::to_string(fit.cost) +
+                       " and " + std::to_string(other.cost) +
+                       "), and neither explains the observations";
+    return std::move(best);
+}
+
+Course estimate_from(const BatchProblem& problem, const BatchOptions& options,
+                     const Estimate& start) {
+    Course course{problem, options, {}, {}, {}, {}};
+    run(course, [&] {
+        course.model = make_model(problem, options, static_cast<int>(problem.frames.size()));
+        course.state = given_start(course.model, start);
+        fix_gravity_norm(course);
+    });
+    return course;
 }
 
 // Why the start that was tried led nowhere; empty: it did not.
 std::string failure_of_start(const Course& course) {
     if (course.model.inertial && !gravity_known(course))
         return "gravity was not found from the start that was tried";
+    if (!course.dispute.empty())
+        return course.dispute + ": try another start, or compare sigma_px with the tracks";
     constexpr double kUsualLimit = 5;
     const double sigmas = course.options.outlier_sigmas;
     const double limit2 = std::pow(sigmas > 0 ? sigmas : kUsualLimit, 2);
@@ -188,14 +151,10 @@ std::string failure_of_start(const Course& course) {
            " sigma_px): try another start, or compare sigma_px with the tracks";
 }
 
-double seconds_since(Clock::time_point began) {
-    return std::chrono::duration<double>(Clock::now() - began).count();
-}
-
 BatchReport make_report(const Course& course, Clock::time_point began) {
     BatchReport report = course.sums;
     report.converged = course.last.converged;
-    report.reason = course.last.reason;
+    report.reason = course.last.reason + course.remark;
     report.final_cost = course.last.final.total();
     report.image_cost = course.last.final.image;
     report.inertial_cost = course.last.final.inertial;
@@ -233,25 +192,10 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     std::optional<BatchProblem> rest;
     if (given.imu.empty()) rest = without_unseeing_images(given);
     const BatchProblem& problem = rest ? *rest : given;
-    const int images = static_cast<int>(problem.frames.size());
-    Course course{problem, options, {}, {}, {}, {}};
 
-    // 1. A first estimate of everything.
-    if (start) {
-        course.model = make_model(problem, options, images);
-        course.state = given_start(course.model, *start);
-        fix_gravity_norm(course);
-    } else if (options.start == "blind") {
-        start_blind(course, images);
-        free_trapped_points(course);
-    } else {
-        start_staged(course);
-    }
-    course.sums.start_s = seconds_since(began);
-
-    // 2. The minimum over everything, without outliers.
-    if (!course.model.inertial || gravity_known(course)) minimize_all(course);
-    course.sums.minimize_s = seconds_since(began) - course.sums.start_s;
+    // 1. A first estimate of everything; the minimum over everything, without outliers.
+    Course course =
+        start ? estimate_from(problem, options, *start) : estimate_from_nothing(problem, options);
     BatchResult result;
     if (const std::string failure = failure_of_start(course); !failure.empty()) {
         result.report = make_report(course, began);
@@ -260,7 +204,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         return result;
     }
 
-    // 3. What is published: frames, covariances, and what they leave open.
+    // 2. What is published: frames, covariances, and what they leave open.
     const Stage stage{options.gravity == "free", options.loss};
     Objective objective(course.model, options, stage);
     NormalEquations equations(course.model, make_layout(course.model, options),

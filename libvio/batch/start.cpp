@@ -39,17 +39,17 @@ void backproject_all(const Model& model, double distance, State& state) {
         state.points[j] = backprojected(model, state, model.points[j], distance);
 }
 
+// Distance of a point from the first camera that sees it.
+double range_of(const Model& model, const State& state, size_t j) {
+    const int first = model.observations[model.points[j].first_observation].frame_idx;
+    return (state.points[j] - camera_pose(model, state, first).p).norm();
+}
+
 double median_range(const Model& model, const State& state, const std::vector<bool>& placed,
                     double fallback) {
     std::vector<double> ranges;
     for (size_t j = 0; j < model.points.size(); ++j)
-        if (placed[j])
-            ranges.push_back(
-                (state.points[j] -
-                 camera_pose(model, state,
-                             model.observations[model.points[j].first_observation].frame_idx)
-                     .p)
-                    .norm());
+        if (placed[j]) ranges.push_back(range_of(model, state, j));
     return ranges.empty() ? fallback : median(std::move(ranges));
 }
 
@@ -88,6 +88,18 @@ std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State
     const auto result = triangulate(lines, model.camera->angular_resolution());
     if (!result || result->parallax < kSmallestParallax) return std::nullopt;
     return result->point;
+}
+
+std::vector<int> points_at_infinity(const Model& model, const State& state) {
+    constexpr double kFar = 30;  // times the distance in the middle
+    const double far =
+        kFar * median_range(model, state, std::vector<bool>(model.points.size(), true), 0);
+    std::vector<int> result;
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (!model.points[j].fiducial && model.points[j].observation_count > 2 &&
+            range_of(model, state, j) > far)
+            result.push_back(static_cast<int>(j));
+    return result;
 }
 
 namespace {

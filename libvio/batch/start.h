@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "libvio/batch/model.h"
 
@@ -27,5 +28,9 @@ State continued_start(const Model& model, const Model& shorter, const State& kno
 /// small or the point comes to lie behind a camera.
 std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State& state,
                                                  const Point& point);
+
+/// Points that lie many times farther from the first camera that sees them than points do in the
+/// middle, and that at least three images see (by index; fiducials never).
+std::vector<int> points_at_infinity(const Model& model, const State& state);
 
 }  // namespace vio::batch

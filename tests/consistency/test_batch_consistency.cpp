@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
 #include "tests/scenario_batch.h"
 
@@ -170,6 +171,49 @@ TEST(PaperClaims, FixedVariancesHardlyMatter) {
     const double tight = error(1e-8), middle = error(1e-6), loose = error(1e-4);
     for (const double e : {tight, middle, loose}) EXPECT_LT(e, 0.03);  // 1 % of the path
     EXPECT_GT(error(1e-3), 2 * loose);
+}
+
+// With so loose inertial terms, points that go to infinity can bend the poses until they fit there:
+// a blind start must not end with more cost than one from the truth does.
+TEST(BlindStart, RecallsPointsFromInfinity) {
+    for (const int seed : {2, 3}) {
+        const test::ScenarioRun run = test::run_scenario(arm(seed));
+        BatchOptions options = test::paper_options(1e-5, run.sigma_px);
+        options.covariances = false;
+        const BatchResult blind = estimate_batch(run.problem, options),
+                          from_truth = estimate_batch(run.problem, options, run.truth);
+        ASSERT_TRUE(blind.report.converged) << blind.report.reason;
+        EXPECT_NEAR(blind.report.final_cost, from_truth.report.final_cost, 1) << seed;
+    }
+}
+
+// Two of the paths that are hardest to start on: wrong minima lie near.
+TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
+    for (const unsigned seed : {23U, 57U}) {
+        const test::SimulatedRun run = test::simulate_run(test::turning_run(270, seed));
+        BatchOptions options;
+        options.start = "blind";
+        options.covariances = false;
+        const BatchResult result = estimate_batch(test::batch_problem(run), options);
+        ASSERT_TRUE(result.report.converged) << result.report.reason;
+        const test::Errors errors = test::errors_of(result.estimate, test::truth_of(run));
+        EXPECT_LT(errors.position, 0.02) << seed;
+        EXPECT_LT(errors.rotation, 0.02) << seed;
+    }
+}
+
+// Noise stated half as large as it is leaves much unexplained, but a second start that leads to the
+// same estimate clears the doubt.
+TEST(BlindStart, IsNotRefusedForNoiseStatedTooSmall) {
+    const test::SimulatedRun run = test::simulate_run(test::turning_run(30, 1));
+    BatchOptions options;
+    options.start = "blind";
+    options.sigma_px = 0.5;
+    options.covariances = false;
+    const BatchResult result = estimate_batch(test::batch_problem(run), options);
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    EXPECT_NE(result.report.reason.find("second start"), std::string::npos);
+    EXPECT_LT(test::errors_of(result.estimate, test::truth_of(run)).position, 0.02);
 }
 
 }  // namespace

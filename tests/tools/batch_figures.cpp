@@ -78,25 +78,12 @@ void arm(const std::string& folder, int seeds, bool poor) {
 
 // Paths like the arm's that turn about a random axis by a span.
 void rotations(int seeds) {
-    std::printf("%-10s %22s %22s\n", "span, deg", "image and inertial, %", "image-only, %");
+    std::printf("%-10s %22s %22s   (wrong, yet said to have converged: of each)\n", "span, deg",
+                "image and inertial, %", "image-only, %");
     for (int span : {30, 90, 180, 270}) {
-        int good[2] = {};
+        int good[2] = {}, wrong[2] = {};
         for (int seed = 1; seed <= seeds; ++seed) {
-            std::mt19937 engine(static_cast<unsigned>(1000 * span + seed));
-            std::normal_distribution<double> normal;
-            const Eigen::Vector3d axis =
-                Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
-            SimulatedRunOptions simulation;
-            simulation.seed = static_cast<unsigned>(seed);
-            simulation.seconds = 5;
-            simulation.image_hz = 30;
-            simulation.features = 40;
-            simulation.longest_track = 60;
-            const double rate = span / kDegrees / 5;
-            simulation.rotation = [=](double t) -> Eigen::Matrix3d {
-                return so3::exp(rate * t * axis);
-            };
-            const SimulatedRun run = simulate_run(simulation);
+            const SimulatedRun run = simulate_run(turning_run(span, static_cast<unsigned>(seed)));
             const Estimate truth = truth_of(run);
             for (const bool inertial : {true, false}) {
                 BatchOptions options;
@@ -105,11 +92,11 @@ void rotations(int seeds) {
                 const BatchResult result = estimate_batch(batch_problem(run, inertial), options);
                 if (!result.report.converged || result.estimate.states.empty()) continue;
                 const Errors e = errors_of(result.estimate, truth);
-                good[inertial ? 0 : 1] += e.position < 0.05 && e.rotation < 0.05;
+                ++(e.position < 0.05 && e.rotation < 0.05 ? good : wrong)[inertial ? 0 : 1];
             }
         }
-        std::printf("%-10d %22.0f %22.0f\n", span, 100.0 * good[0] / seeds,
-                    100.0 * good[1] / seeds);
+        std::printf("%-10d %22.0f %22.0f   (%d, %d)\n", span, 100.0 * good[0] / seeds,
+                    100.0 * good[1] / seeds, wrong[0], wrong[1]);
         std::fflush(stdout);
     }
 }

@@ -1,0 +1,186 @@
+#include "libvio/batch/course.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "libvio/batch/start.h"
+
+namespace vio::batch {
+namespace {
+
+void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
+    NormalEquations equations(course.model, make_layout(course.model, course.options),
+                              thread_count(course.options));
+    // Without a start, ranges say nothing yet.
+    if (stage.truncated) equations.point_damping = NormalEquations::PointDamping::alike;
+    Objective objective(course.model, course.options, stage);
+    const MinimizeReport report = minimize(objective, equations, limits, course.state);
+    BatchReport& sums = course.sums;
+    if (sums.iterations == 0) sums.initial_cost = report.initial.total();
+    sums.iterations += report.iterations;
+    sums.rejected_steps += report.rejected;
+    sums.linearize_s += report.linearize_s;
+    sums.solve_s += report.solve_s;
+    sums.evaluate_s += report.evaluate_s;
+    course.last = report;
+}
+
+// Points that most of their images disagree with have been trapped (on the wrong side of a camera,
+// or placed from poses that were wrong then): the robust loss would never let them go. True if any
+// was moved.
+bool free_trapped_points(Course& course) {
+    const double limit2 = std::pow(course.options.loss_width * 2, 2);
+    const Objective objective(course.model, course.options, {});
+    bool moved_any = false;
+    for (size_t j = 0; j < course.model.points.size(); ++j) {
+        const Point& point = course.model.points[j];
+        const auto misfits = [&](const State& state) {
+            int count = 0;
+            for (int k = 0; k < point.observation_count; ++k)
+                count +=
+                    objective.observation_distance2(
+                        state, course.model.observations[point.first_observation + k]) > limit2;
+            return count;
+        };
+        const int before = misfits(course.state);
+        if (point.fiducial || 2 * before <= point.observation_count) continue;
+        const auto moved = triangulate_point(course.model, course.state, point);
+        if (!moved) continue;
+        const Eigen::Vector3d kept = std::exchange(course.state.points[j], *moved);
+        if (misfits(course.state) >= before)
+            course.state.points[j] = kept;
+        else
+            moved_any = true;
+    }
+    return moved_any;
+}
+
+// Cost that noise explains: two for each observation.
+double explained_cost(const Model& model) {
+    return 2 * static_cast<double>(model.observations.size());
+}
+
+// Points that went to infinity while the poses were wrong can hold them wrong, where weak inertial
+// terms let poses bend: each image contradicts a little. They are left out for a while and then
+// placed anew; where that leads to no less cost, everything stays as it was.
+void recall_far_points(Course& course, const Stage& stage, const MinimizeLimits& limits) {
+    const std::vector<int> far = points_at_infinity(course.model, course.state);
+    if (far.empty()) return;
+    const State kept = course.state;
+    const MinimizeReport kept_report = course.last;
+    const auto set_active = [&](bool active) {
+        for (int j : far) {
+            const Point& point = course.model.points[j];
+            for (int k = 0; k < point.observation_count; ++k)
+                course.model.observations[point.first_observation + k].active = active;
+        }
+    };
+    set_active(false);
+    minimize_stage(course, stage, limits);
+    set_active(true);
+    bool placed = false;
+    for (int j : far)
+        if (const auto p_W =
+                triangulate_point(course.model, course.state, course.model.points[j])) {
+            course.state.points[j] = *p_W;
+            placed = true;
+        }
+    if (placed) {
+        minimize_stage(course, stage, limits);
+        if (course.last.final.total() < kept_report.final.total()) return;
+    }
+    course.state = kept;
+    course.last = kept_report;
+}
+
+// First with gravity free (it starts at zero), quadratic far from the solution. Returns the cost.
+double minimize_from_nothing(Course& course, State start) {
+    course.state = std::move(start);
+    const Stage stage{true, "huber", true};
+    const MinimizeLimits limits{course.options.max_iterations,
+                                std::max(1e-6, course.options.cost_tolerance), 1e-6};
+    constexpr int kRounds = 3;
+    for (int round = 0; round < kRounds; ++round) {
+        minimize_stage(course, stage, limits);
+        if (course.last.final.total() <= explained_cost(course.model) ||
+            !free_trapped_points(course))
+            break;
+    }
+    if (course.model.inertial) recall_far_points(course, stage, limits);
+    return course.last.final.total();
+}
+
+// Marks observations that do not fit; true if there are any new ones.
+bool drop_outliers(Course& course) {
+    const double limit2 = course.options.outlier_sigmas * course.options.outlier_sigmas;
+    if (limit2 == 0) return false;
+    const Objective objective(course.model, course.options, {});
+    bool any = false;
+    for (Observation& observation : course.model.observations)
+        if (observation.active &&
+            objective.observation_distance2(course.state, observation) > limit2) {
+            observation.active = false;
+            any = true;
+        }
+    // What is left of a point must still fix it.
+    for (const Point& point : course.model.points) {
+        Observation* first = &course.model.observations[point.first_observation];
+        const auto active = std::count_if(first, first + point.observation_count,
+                                          [](const Observation& o) { return o.active; });
+        if (active < 2 && !point.fiducial)
+            for (int k = 0; k < point.observation_count; ++k) first[k].active = false;
+    }
+    return any;
+}
+
+}  // namespace
+
+bool gravity_known(const Course& course) {
+    return course.state.gravity.norm() > 0.5 * course.options.gravity_norm;
+}
+
+void fix_gravity_norm(Course& course) {
+    if (course.model.inertial && course.options.gravity == "magnitude" &&
+        course.state.gravity.norm() > 0)
+        course.state.gravity *= course.options.gravity_norm / course.state.gravity.norm();
+}
+
+void start_blind(Course& course, int images) {
+    course.model = make_model(course.problem, course.options, images, 2);
+    const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
+    if (course.model.inertial && !(cost <= explained_cost(course.model))) {
+        State first = std::move(course.state);
+        if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
+            course.state = std::move(first);
+    }
+    fix_gravity_norm(course);
+    free_trapped_points(course);
+}
+
+void start_staged(Course& course, int prefix_images) {
+    const int all = static_cast<int>(course.problem.frames.size());
+    int images = std::min(all, prefix_images);
+    start_blind(course, images);
+    constexpr int kIterationsPerStage = 8;
+    const bool free = course.options.gravity == "free";
+    while (images < all) {
+        minimize_stage(course, {free, course.options.loss}, {kIterationsPerStage, 1e-4});
+        free_trapped_points(course);
+        images = std::min(all, std::max(images + 10, images * 5 / 4));
+        Model longer = make_model(course.problem, course.options, images);
+        course.state = continued_start(longer, course.model, course.state);
+        course.model = std::move(longer);
+    }
+}
+
+void minimize_all(Course& course) {
+    const Stage stage{course.options.gravity == "free", course.options.loss};
+    const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
+    minimize_stage(course, stage, limits);
+    if (free_trapped_points(course)) minimize_stage(course, stage, limits);
+    if (drop_outliers(course)) minimize_stage(course, stage, limits);
+}
+
+}  // namespace vio::batch
