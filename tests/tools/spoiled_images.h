@@ -34,7 +34,7 @@ inline std::vector<std::pair<std::string, Spoiler>> spoilers() {
          }},
         {"3 of 15 blurred by 3 px",
          [](const cv::Mat& image, int i) {
-             cv::Mat result = image;
+             cv::Mat result = image.clone();  // others use the same pixels
              if (i % 15 > 11) cv::GaussianBlur(image, result, {}, 3);
              return result;
          }},
