@@ -49,6 +49,7 @@ Fit fit_of(const Course& course) {
     // Mistracks, and noise stated too small or too large, are common; so many observations so far
     // beyond the spread of the others are not.
     constexpr double kFarBeyond2 = 25, kTooMany = 0.04, kMedianOfSquare = 1.386;
+    constexpr double kExplained = 2.2;  // for each observation: its two components, and a tenth
     Model model = course.model;
     int count = 0;
     for (const Point& point : model.points)
@@ -69,7 +70,8 @@ Fit fit_of(const Course& course) {
     const double variance = median(distances2) / kMedianOfSquare;
     const auto beyond = std::count_if(distances2.begin(), distances2.end(),
                                       [&](double d2) { return !(d2 <= kFarBeyond2 * variance); });
-    fit.doubtful = !(fit.cost <= 2.0 * count) || static_cast<double>(beyond) > kTooMany * count;
+    fit.doubtful =
+        !(fit.cost <= kExplained * count) || static_cast<double>(beyond) > kTooMany * count;
     return fit;
 }
 
