@@ -10,7 +10,8 @@ namespace vio {
 /// "FILE (place): problem; remedy".
 class InputError : public std::runtime_error {
  public:
-    using std::runtime_error::runtime_error;
+    /// Control characters in the message, which quotes damaged files, are shown as \n, \t, \x01.
+    explicit InputError(const std::string& message);
 };
 
 }  // namespace vio
