@@ -10,6 +10,7 @@
 
 namespace vio::app {
 
+/// What was seen of a board, and by which rig.
 struct BoardViews {
     Rig rig;                           ///< as far as known; no camera from a folder of images
     int width = 0, height = 0;         ///< of the images [px]; 0: not known
@@ -18,6 +19,7 @@ struct BoardViews {
     ImuSequence imu;                   ///< empty without one
 };
 
+/// Where the images or corners of a board come from.
 struct BoardSource {
     std::string path;  ///< rawlog, folder of images, or image
     /// Of a folder's images or an image, as far as known: for BoardDetector.

@@ -10,6 +10,7 @@
 
 namespace vio::app {
 
+/// With what a result is compared, and how.
 struct ComparisonOptions {
     std::vector<std::string> against;  ///< references, see read_reference
     std::string alignment = "auto";    ///< auto | none | yaw | se3 | sim3

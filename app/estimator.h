@@ -10,6 +10,7 @@
 
 namespace vio::app {
 
+/// Takes measurements, gives the estimate; made by make_estimator().
 class Estimator {
  public:
     virtual ~Estimator() = default;

@@ -150,7 +150,7 @@ std::string full_name(const CLI::App& app) {
 
 std::string manual_page(const CLI::App& program, const std::string& version,
                         const std::string& date) {
-    const std::string name = program.get_name();
+    const std::string& name = program.get_name();
     std::string page = ".TH " + capitals(escaped(name)) + " 1 \"" + date + "\" \"" + name + " " +
                        version + "\" \"User Commands\"\n.SH NAME\n" + escaped(name) +
                        " \\- motion, structure and gravity from a camera and an IMU\n" +

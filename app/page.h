@@ -6,6 +6,7 @@
 
 namespace vio::app {
 
+/// A table of text: header and rows have the same number of cells.
 struct Table {
     std::vector<std::string> header;
     std::vector<std::vector<std::string>> rows;
@@ -15,6 +16,7 @@ struct Table {
 /// As Markdown, columns padded so that it also reads well on a terminal.
 std::string to_markdown(const Table& table);
 
+/// A page that grows part by part, in the order of the calls.
 class Page {
  public:
     explicit Page(const std::string& title);
@@ -38,6 +40,7 @@ class Page {
     void write(const std::string& stem, bool with_markdown) const;
 
  private:
+    // A plot beside the Markdown page: name below its folder, SVG text.
     struct File {
         std::string name, content;
     };

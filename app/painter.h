@@ -24,6 +24,7 @@ class Painter {
     void paint(std::vector<LandmarkEstimate>& landmarks) const;
 
  private:
+    // Of a feature, summed over its images so far.
     struct Colour {
         Eigen::Vector3f sum = Eigen::Vector3f::Zero();  // blue, green, red
         int count = 0;

@@ -11,6 +11,7 @@
 
 namespace vio::app {
 
+/// What the simulated recordings are made from, and how many.
 struct PaperSetup {
     std::string datasets = "datasets";  ///< folder of the scenarios
     int seeds = 5;                      ///< recordings of each experiment

@@ -24,6 +24,7 @@ struct PipelineOptions {
     void describe(OptionSet& options);
 };
 
+/// A run as asked for on the command line; times in seconds, files by path.
 struct RunRequest {
     std::string rawlog;
     RecordingOptions recording;

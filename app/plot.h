@@ -6,6 +6,7 @@
 
 namespace vio::app {
 
+/// One curve of a plot, in data units.
 struct Series {
     enum Style { kLine, kDashed, kPoints, kSquares, kLinePoints, kBand };
     std::string name;  ///< for the key; empty: not in it
@@ -15,6 +16,7 @@ struct Series {
     std::vector<double> y2;    ///< kBand: upper edge, y being the lower one
 };
 
+/// Curves over common axes; labels name the units, sizes are in pixels.
 struct Plot {
     std::string title, x_label, y_label;
     bool equal_axes = false;  ///< one metre is as long in x as in y

@@ -33,6 +33,7 @@ class Sketch {
     std::uint64_t landmark_mask_ = 0;
 };
 
+/// Takes images, features and pieces of the estimate in the order in which they come.
 class RunOutput {
  public:
     RunOutput(const RunRequest& request, const Rig& rig);

@@ -9,6 +9,7 @@
 
 namespace vio::app {
 
+/// What to draw, and to which file; times in seconds.
 struct TrackPictureRequest {
     std::string rawlog, output;
     RecordingOptions recording;

@@ -30,6 +30,7 @@ class VideoFile {
     std::unique_ptr<Impl> impl_;
 };
 
+/// How a scene is filmed.
 struct FilmOptions {
     SnapshotOptions picture;
     int frames = 300;

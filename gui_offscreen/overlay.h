@@ -9,6 +9,7 @@
 
 namespace vio {
 
+/// How tracks are drawn; lengths in images.
 struct OverlayOptions {
     int tail_images = 15;  ///< length of the tails
     int ended_images = 5;  ///< for which a track that is no longer seen stays in the picture

@@ -7,6 +7,7 @@
 
 namespace vio {
 
+/// What each part of a picture is drawn in, on light or dark ground.
 struct Palette {
     mrpt::img::TColor background, grid, text, panel, estimate, lost, frustum, gravity, ellipsoid;
     std::array<mrpt::img::TColor, 4> others;  ///< truth first

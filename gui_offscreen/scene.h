@@ -19,6 +19,7 @@ struct NamedPath {
     std::vector<TimedPose> poses;
 };
 
+/// What of an estimate is drawn, and how; lengths in metres, W is the scene's frame.
 struct SceneOptions {
     bool dark = false;              ///< dark background instead of white
     std::string name = "estimate";  ///< of the estimated path, for the legend

@@ -13,6 +13,7 @@
 
 namespace vio {
 
+/// Where the scene is looked at from; axes of W.
 enum class View {
     kTop,    ///< from above, x to the right
     kSide,   ///< level, along +y
@@ -33,6 +34,7 @@ struct ChasePoint {
 /// Horizontal part of where a camera looks; its x axis where it looks straight down or up.
 Eigen::Vector3d chase_direction(const Pose& T_W_C);
 
+/// Size and point of view of a picture.
 struct SnapshotOptions {
     int width = 1280, height = 720;  ///< [px]
     View view = View::kIso;

@@ -34,6 +34,7 @@ struct StateEstimate {
     int features = 0;   ///< observations used at this image
 };
 
+/// A point of the scene in W, with its covariance.
 struct LandmarkEstimate {
     FeatureId id = -1;
     Eigen::Vector3d p_W = Eigen::Vector3d::Zero();         ///< [m]

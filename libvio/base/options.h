@@ -14,8 +14,10 @@
 
 namespace vio {
 
+/// Options by section and name, bound to the variables that hold them.
 class OptionSet {
  public:
+    /// Smallest and largest value allowed, both included, in the option's unit.
     struct Range {
         double min = -std::numeric_limits<double>::infinity();
         double max = std::numeric_limits<double>::infinity();
@@ -45,6 +47,7 @@ class OptionSet {
     void save(const std::string& ini_file) const;
 
  private:
+    // A declared option as text: how its variable is set and printed.
     struct Option {
         std::string section, name, unit, range, help;
         std::function<void(const std::string& text)> parse;  // throws InputError: the reason only

@@ -28,6 +28,7 @@ struct BatchProblem {
     std::map<FeatureId, Fiducial> fiducials;  ///< if any, W is the frame of the survey
 };
 
+/// How the batch estimator weighs measurements, starts and stops.
 struct BatchOptions {
     double sigma_px = 1.0;
     std::string weighting = "preintegrated";  ///< preintegrated | fixed
@@ -83,6 +84,7 @@ struct BatchTail {
     Eigen::MatrixXd covariance;  ///< (15 + 3 n) square
 };
 
+/// Estimate, how it came about, and what a filter may go on from.
 struct BatchResult {
     Estimate estimate;
     BatchReport report;

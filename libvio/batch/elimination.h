@@ -43,6 +43,7 @@ struct Front {
     int row_of(int block, const std::vector<int>& order) const;
 };
 
+/// Order and fronts of a factorisation; depends on the pattern of the matrix alone.
 struct EliminationPlan {
     std::vector<int> order;     ///< of each block: when it is eliminated
     std::vector<int> front_of;  ///< of each block: where it is eliminated

@@ -7,6 +7,7 @@
 
 namespace vio::batch {
 
+/// When a minimisation ends; costs are in squared standard deviations.
 struct MinimizeLimits {
     int max_iterations = 200;
     double cost_tolerance = 1e-8;   ///< relative decrease below which it has converged
@@ -17,6 +18,7 @@ struct MinimizeLimits {
     double negligible = 1e-2;
 };
 
+/// Why a minimisation ended and what it took; times in seconds.
 struct MinimizeReport {
     bool converged = false;
     std::string reason;

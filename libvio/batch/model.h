@@ -16,6 +16,7 @@ struct Observation {
     bool active = true;                ///< false once judged an outlier
 };
 
+/// A feature whose position is unknown (or given, as a fiducial), and its observations.
 struct Point {
     FeatureId id;
     int first_observation, observation_count;
@@ -54,6 +55,7 @@ void set_rig(Model& model, const BatchProblem& problem, const Rig& rig);
 
 /// The unknowns.
 struct State {
+    /// The unknowns of one image: T_W_I, velocity in W, biases in I.
     struct Frame {
         InertialState motion;  ///< of the IMU frame (of the body when image-only)
         ImuBias bias;          ///< equal in all frames when the bias is constant

@@ -14,6 +14,7 @@
 
 namespace vio::batch {
 
+/// Changes of all unknowns, in their tangent spaces.
 struct Step {
     Eigen::VectorXd reduced;              ///< poses, velocities, biases, border points, gravity
     std::vector<Eigen::Vector3d> points;  ///< every point, border ones included
@@ -28,6 +29,7 @@ struct Border {
     Eigen::VectorXd gradient;
 };
 
+/// Holds A, V, W, a, b of the current linearisation; solves them with any damping.
 class NormalEquations {
  public:
     NormalEquations(const Model& model, const Layout& layout, int threads = 1);

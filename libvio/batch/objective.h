@@ -47,6 +47,7 @@ Eigen::Vector3d displaced(const Eigen::Vector3d& line, const Eigen::Vector3d& d)
 /// Whether a point's normal equations leave a direction open, to working accuracy.
 bool undetermined(const Eigen::Matrix3d& V);
 
+/// The error function of a model, for one stage of the estimate.
 class Objective {
  public:
     Objective(const Model& model, const BatchOptions& options, const Stage& stage);
@@ -96,6 +97,7 @@ class Objective {
     double observation_distance2(const State& state, const Observation& observation) const;
 
  private:
+    // Readings between two images, integrated; weight of what they say of the two.
     struct Interval {
         PreintegratedImu readings;
         Matrix9d sqrt_information;

@@ -9,6 +9,7 @@
 
 namespace vio::batch {
 
+/// What is not determined, and how well the scale is.
 struct Observability {
     /// Relative standard deviation of the path's scale; 0 where it is not estimated (image-only,
     /// fiducials).

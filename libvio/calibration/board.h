@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// A target in its own frame: x along its rows, y along its columns, z = 0 [m].
 struct Board {
     enum class Pattern { kNone, kCheckerboard, kAprilGrid };
     Pattern pattern = Pattern::kNone;

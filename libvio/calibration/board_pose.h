@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// Camera in the board's frame W, and how well the corners fit.
 struct BoardPose {
     Pose T_W_C;
     int points = 0;

@@ -6,6 +6,7 @@
 
 namespace vio {
 
+/// Which model is fitted, to what.
 struct CameraCalibrationOptions {
     std::string model = "perspective";  ///< or fisheye
     int distortion = 5;         ///< coefficients: 4, 5 or 8 of a perspective camera; fisheye 4
@@ -25,6 +26,7 @@ struct Coverage {
     std::vector<std::string> warnings;  ///< what is poor about it, in words; empty: nothing
 };
 
+/// The camera found, its uncertainty, and how much of the image the corners covered.
 struct CameraCalibration {
     RigCalibration rig;  ///< rig.camera; covariance and names of the intrinsics
     Coverage coverage;

@@ -6,6 +6,7 @@
 
 namespace vio {
 
+/// What is found beside T_I_C, and how.
 struct ImuCameraOptions {
     int intrinsics = 0;            ///< of RigQuestion; found too, where not 0
     double largest_offset = 0.25;  ///< that is searched about the rig's time offset [s]

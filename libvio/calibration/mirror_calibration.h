@@ -10,6 +10,7 @@
 
 namespace vio {
 
+/// What is known beforehand, and when to stop.
 struct MirrorCalibrationOptions {
     double sigma_px = 0;  ///< of a target's image, one coordinate; 0: from the residuals
     /// Camera in the targets' frame G, held as given, for a single image. Nothing: found too.
@@ -18,6 +19,7 @@ struct MirrorCalibrationOptions {
     int max_iterations = 100;
 };
 
+/// The mirror's place in the camera frame C, and how well the targets fit.
 struct MirrorCalibration {
     Pose T_C_M;
     /// Of T_C_M in the tangent order (rotation, translation). The rotation about the mirror's axis,
@@ -29,6 +31,7 @@ struct MirrorCalibration {
         Pose T_G_C;
     };
     std::vector<View> views;
+    /// Of a target in an image [px].
     struct Residual {
         FeatureId id;
         Eigen::Vector2d uv_px, error_px;  ///< where, and seen less predicted

@@ -24,6 +24,7 @@ class PerspectiveViews {
     std::optional<cv::Point2f> in_image(int k, const cv::Point2f& in_view) const;
 
  private:
+    // A perspective image of part of what the camera sees.
     struct View {
         Eigen::Matrix3d R_C_V;  ///< z along the view's middle
         cv::Mat map_x, map_y;   ///< place in the image of each pixel; outside: not seen

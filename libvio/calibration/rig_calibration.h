@@ -17,6 +17,7 @@ struct RigQuestion {
     int intrinsics = 0;
 };
 
+/// A rig as estimated, with the uncertainty of its unknown parts and how well it fits.
 struct RigCalibration {
     Rig rig;
     /// Of what was asked for, in this order: T_I_C (rotation [rad], position [m] in the pose's

@@ -26,6 +26,7 @@ class IntrinsicJacobian {
     Eigen::Matrix2Xd operator()(const Eigen::Vector3d& p_C) const;
 
  private:
+    // The camera with one intrinsic a step larger and smaller; step in its unit.
     struct Pair {
         CameraPtr plus, minus;
         double step;

@@ -7,6 +7,7 @@
 
 namespace vio {
 
+/// Camera, mirror, and the place of one before the other.
 struct MirrorParameters {
     /// The camera itself. Before a parabolic mirror it is telecentric: fx and fy in px/m, no
     /// distortion.

@@ -63,6 +63,7 @@ class MirrorShape {
     std::string name() const;
 
  private:
+    // Of the surface above its apex, along the axis [m].
     struct Height {
         double h, h1, h2;  // h and its derivatives with respect to w
     };

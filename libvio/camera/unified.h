@@ -7,6 +7,7 @@
 
 namespace vio {
 
+/// Projection onto a unit sphere, then from a point of its axis; distances in its radius.
 struct UnifiedParameters {
     PerspectiveParameters lens;  ///< of the projection from the sphere
     double xi = 0;  ///< distance of the centre of projection from the sphere's centre [-]: 0

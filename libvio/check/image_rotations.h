@@ -10,6 +10,7 @@
 
 namespace vio {
 
+/// Rotation of the camera between two images.
 struct ImageRotation {
     TimeNs t1 = 0, t2 = 0;
     Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< log(R_C1_C2) [rad]

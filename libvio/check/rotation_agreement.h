@@ -19,6 +19,7 @@
 
 namespace vio {
 
+/// How the images' rotations follow from the gyro's, with 1-sigma of each figure.
 struct RotationAgreement {
     int pairs = 0;          ///< of images that took part, outliers left out
     double image_rate = 0;  ///< rms of the camera's angular velocity, from images [rad/s]

@@ -21,6 +21,7 @@ struct ExpectedImages {
     double stamp_tolerance_s = 1e-3;  ///< between an image and its pose
 };
 
+/// How a trajectory is brought onto the truth and judged.
 struct EvaluationOptions {
     AlignmentKind alignment = AlignmentKind::kSE3;
     /// Widest gap in the truth that is interpolated over; default: 2.5 times its median interval.
@@ -62,12 +63,14 @@ struct Drift {
     double rotation = 0;     ///< [rad/m]
 };
 
+/// For how many images there is a pose.
 struct Completion {
     int expected = 0;   ///< images in the interval; 0: not known
     int estimated = 0;  ///< of these, with a pose
     double share() const { return expected > 0 ? double(estimated) / expected : 0; }
 };
 
+/// Every figure of merit of one trajectory, after the alignment.
 struct Evaluation {
     std::string estimate_name, truth_name;
     Alignment alignment;       ///< the one that was asked for, and applied

@@ -47,6 +47,7 @@ struct NeesStatistics {
     double mean = 0;         ///< expected: dof
     double share_in_95 = 0;  ///< expected: 0.95
 };
+/// Normalised squared errors: 3, 3 and 6 on average where covariances are honest.
 struct Nees {
     NeesStatistics position, rotation, pose;
 };

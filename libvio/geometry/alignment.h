@@ -33,6 +33,7 @@ struct Similarity {
     Similarity inverse() const { return {1 / s, R.transpose(), -(R.transpose() * p) / s}; }
 };
 
+/// The similarity that brings E onto G, and whether the points determine it.
 struct Alignment {
     AlignmentKind kind = AlignmentKind::kNone;
     AlignmentStatus status = AlignmentStatus::kDetermined;

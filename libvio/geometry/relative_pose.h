@@ -5,6 +5,7 @@
 
 namespace vio {
 
+/// B seen from A, with its derivative.
 struct RelativePose {
     Pose T_A_B;                      ///< T_W_A^-1 T_W_B
     Eigen::Matrix<double, 6, 12> J;  ///< d T_A_B / d (T_W_A, T_W_B), each in Pose's tangent order

@@ -13,6 +13,7 @@ struct SightLine {
     Eigen::Vector3d direction;  ///< unit vector
 };
 
+/// A point in the world frame, and how well its sight lines tell it.
 struct Triangulation {
     Eigen::Vector3d point;       ///< [m]
     Eigen::Matrix3d covariance;  ///< for the given angular standard deviation [m^2]

@@ -24,6 +24,7 @@ struct ImuBias {
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix96d = Eigen::Matrix<double, 9, 6>;
 
+/// Dr, Dp, Dv of one interval, their covariance and their derivatives by the biases.
 class PreintegratedImu {
  public:
     /// Integrates the segments with the given biases. Covariance comes from the noise densities.

@@ -11,6 +11,7 @@ namespace vio {
 
 using Rgb = std::array<std::uint8_t, 3>;
 
+/// What a landmark's colour says.
 enum class LandmarkColour {
     kImage,       ///< as in the images; grey where not known
     kUncertainty  ///< blue: well known, red: a tenth of the median distance or worse
@@ -19,6 +20,7 @@ enum class LandmarkColour {
 /// Image colours where any landmark has one.
 LandmarkColour natural_colour(const std::vector<LandmarkEstimate>& landmarks);
 
+/// Gives each landmark of an estimate its colour.
 class LandmarkColours {
  public:
     LandmarkColours(const std::vector<LandmarkEstimate>& landmarks, LandmarkColour kind);

@@ -31,11 +31,13 @@ class LandmarkSpool {
     void remove();
 
  private:
+    // A landmark in the file: position in W [m], upper triangle of its covariance [m^2].
     struct Record {
         std::int64_t id, observations;
         double p_W[3], covariance[6];
         std::uint8_t rgb[3], has_rgb;
     };
+    // Where the newest record of a landmark is, counted in records.
     struct Place {
         FeatureId id;
         std::int64_t record;

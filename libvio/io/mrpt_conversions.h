@@ -35,6 +35,7 @@ Matrix6d mrpt_tangent_jacobian(const Pose& T);
 /// Pose with covariance in the project's order (rotation perturbed on the right, translation in the
 /// outer frame) as MRPT's (x, y, z, yaw, pitch, roll), and back.
 mrpt::poses::CPose3DPDFGaussian to_mrpt(const Pose& T, const Matrix6d& covariance);
+/// A pose and its covariance in the tangent order, from MRPT's.
 struct PoseWithCovariance {
     Pose pose;
     Matrix6d covariance;  ///< (rotation, translation)

@@ -17,6 +17,7 @@ struct StreamInfo {
     std::vector<TimeNs> stamps;  ///< in order of the file
 };
 
+/// The streams of a rawlog, as far as it could be read.
 struct RawlogInfo {
     std::vector<StreamInfo> streams;  ///< in order of first appearance
     std::string damage;               ///< why reading stopped early; empty: the whole file was read

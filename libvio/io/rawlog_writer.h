@@ -8,6 +8,7 @@
 
 namespace vio {
 
+/// Sensor labels, and where images go.
 struct RawlogWriterOptions {
     std::string camera_label = "cam0";  ///< of images and features
     std::string imu_label = "imu0";

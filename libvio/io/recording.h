@@ -13,6 +13,7 @@
 
 namespace vio {
 
+/// An image and its time on the camera's clock [ns].
 struct ImageMessage {
     TimeNs t = 0;
     cv::Mat image;        ///< 8-bit grey
@@ -34,6 +35,7 @@ struct GpsMessage {
 
 using Message = std::variant<ImuReading, ImageMessage, FeatureFrame, OdometryMessage, GpsMessage>;
 
+/// Which sensors of a rawlog are taken, with which calibration.
 struct RecordingOptions {
     std::string camera_label;  ///< empty: the first camera in the file
     std::string imu_label;     ///< empty: the first IMU in the file

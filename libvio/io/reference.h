@@ -20,6 +20,7 @@ struct Reference {
     std::vector<std::string> notes;
 };
 
+/// Which GPS fixes count, and where the antenna is.
 struct ReferenceOptions {
     /// GGA qualities of the fixes that are taken. Empty: all but 0 (none) and 6 (dead reckoning).
     std::set<int> gps_qualities;

@@ -7,12 +7,14 @@
 
 namespace vio {
 
+/// Camera, its place in the body frame, and its clock's offset.
 struct AslCamera {
     CameraPtr camera;
     Pose T_B_C;
     double time_offset = 0;  ///< timeshift_cam_imu where the file has it [s]
 };
 
+/// Noise of the IMU and its place in the body frame.
 struct AslImu {
     ImuNoise noise;
     Pose T_B_I;

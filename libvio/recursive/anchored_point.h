@@ -12,6 +12,7 @@
 
 namespace vio {
 
+/// Direction and inverse distance in the anchor's camera frame.
 struct AnchoredPoint {
     Eigen::Matrix3d Q = Eigen::Matrix3d::Identity();
     Eigen::Vector3d x = Eigen::Vector3d::UnitZ();  ///< a [-], b [-], rho [1/m]

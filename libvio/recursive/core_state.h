@@ -27,6 +27,7 @@ using CoreVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCore, 1>;
 using CoreRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, kMaxCore>;
 using CoreResidual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
 
+/// Mean of the IMU's motion, of its biases and of gravity.
 struct CoreState {
     Pose T_W_I;
     Eigen::Vector3d v_W = Eigen::Vector3d::Zero();         ///< of I's origin [m/s]

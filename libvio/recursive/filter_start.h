@@ -6,6 +6,7 @@
 
 namespace vio {
 
+/// Which points the filter starts with, and its form.
 struct FilterStartOptions {
     bool invariant = true;
     int max_landmarks = 50;

@@ -39,11 +39,13 @@
 
 namespace vio {
 
+/// The IMU's pose when an earlier image was taken.
 struct ClonedPose {
     int image_idx = -1;  ///< of the image taken there; -1: the slot is free
     Pose T_W_I;
 };
 
+/// A point in the state, and how it fared lately (counts of images).
 struct LandmarkState {
     FeatureId id = -1;
     int anchor = -1;  ///< slot of the clone that the point is seen from
@@ -76,6 +78,7 @@ struct InnovationSums {
     }
 };
 
+/// Mean and covariance; keeps the order of the errors and their frames to itself.
 class FilterState {
  public:
     /// covariance: of the core.

@@ -14,6 +14,7 @@
 
 namespace vio {
 
+/// Form, start and limits of the filter.
 struct IekfOptions {
     std::string motion = "imu_driven";      ///< imu_driven | smooth (the paper's)
     std::string consistency = "invariant";  ///< invariant | none

@@ -23,6 +23,7 @@
 
 namespace vio {
 
+/// All that the filter holds between two measurements.
 struct Iekf::Impl {
     Impl(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu);
 
@@ -117,6 +118,7 @@ struct Iekf::Impl {
     // Health.
     static constexpr double kBadShare = 0.5;  // of an image's landmarks passing the gate
     static constexpr int kJudgedImages = 10;  // over which that share is judged, too
+    // Of an image: landmarks of the state that it shows, and those that passed the gate.
     struct Sights {
         int known, passed;
     };

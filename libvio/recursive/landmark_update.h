@@ -9,6 +9,7 @@
 
 namespace vio {
 
+/// Which landmark of the state was seen, and where.
 struct LandmarkSight {
     int landmark_idx = -1;
     Sight sight;

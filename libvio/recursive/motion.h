@@ -16,6 +16,7 @@ struct SmoothnessVariances {
     double image_position = 0.3;  ///< image-only [m^2/s]
 };
 
+/// How mean and covariance of the core go from one time to the next.
 class MotionModel {
  public:
     virtual ~MotionModel() = default;

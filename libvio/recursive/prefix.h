@@ -17,6 +17,7 @@ double tilt_sigma(const StateEstimate& state);
 /// Largest standard deviation of the velocity's components [m/s]; covariance: in StateIndex order.
 double velocity_sigma(const Eigen::Ref<const Eigen::MatrixXd>& covariance);
 
+/// Collects measurements until a batch estimate of them can start the filter.
 class Prefix {
  public:
     Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu);
@@ -31,6 +32,7 @@ class Prefix {
     /// True when enough images have come since the last attempt.
     bool ready() const;
 
+    /// What the filter goes on from: the states of the prefix's images and their joint uncertainty.
     struct Start {
         std::vector<StateEstimate> states;
         std::vector<RelativeMotion> keyframe_motions;  ///< the last to the last image

@@ -41,6 +41,7 @@ class RestDetector {
     const std::string& why_not() const { return why_not_; }
 
  private:
+    // An image's features, with their time on the IMU's clock [ns].
     struct TimedFeatures {
         TimeNs t_imu;
         FeatureFrame frame;

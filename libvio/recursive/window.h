@@ -18,6 +18,7 @@
 
 namespace vio {
 
+/// How many points are used, and what they must satisfy.
 struct WindowOptions {
     bool cameras_exact = false;  ///< new points as the paper does, recent cameras taken as exact
     int max_landmarks = 50;
@@ -28,6 +29,7 @@ struct WindowOptions {
     double angular_sigma = 1e-3;   ///< of a sight [rad]
 };
 
+/// Sights of features that are not landmarks, from the clones in the state.
 class Window {
  public:
     Window(const WindowOptions& options, CameraPtr camera, const Pose& T_I_C);
@@ -35,6 +37,7 @@ class Window {
     /// Notes that a feature that is no landmark was seen at an image, of which there is a clone.
     void observe(FeatureId id, int image_idx, const Sight& sight);
 
+    /// What an image's update from the window has used.
     struct Outcome {
         int used = 0, rejected = 0;        ///< points, new landmarks included
         std::vector<FeatureId> landmarks;  ///< new ones
@@ -49,6 +52,7 @@ class Window {
     void clear() { tracks_.clear(); }
 
  private:
+    // A sight, and the image (of a clone) that it is from.
     struct SightAt {
         int image_idx;
         Sight sight;

@@ -22,6 +22,7 @@ struct ImuErrors {
     double gyro_step = 0, accel_step = 0;    ///< quantisation [rad/s], [m/s^2]; 0: none
 };
 
+/// Readings in I, in order of time, and the truth about their biases.
 struct SimulatedImu {
     std::vector<ImuReading> readings;
     std::vector<ImuBias> biases;  ///< true bias at each reading

@@ -6,6 +6,7 @@
 
 namespace vio {
 
+/// Which pattern a surface shows.
 enum class Material {
     kClutter,   ///< opaque leaves: rectangles and discs of all sizes
     kWall,      ///< bricks, with posters here and there

@@ -13,6 +13,7 @@
 
 namespace vio {
 
+/// How light becomes grey values.
 struct RenderOptions {
     int samples = 2;        ///< per pixel and axis
     double exposure = 0;    ///< [s]; motion during it blurs the image

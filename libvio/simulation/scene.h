@@ -42,6 +42,7 @@ struct SceneLayout {
     Eigen::Vector3d room_size{8, 6, 3};                ///< along x, y and z [m]
 };
 
+/// Solids with materials, in W [m].
 class Scene {
  public:
     /// Kinds: "arm_cell" (table with boxes, 0.7 to 1.5 m below a camera that looks down), "room"

@@ -11,6 +11,7 @@
 
 namespace vio {
 
+/// How many times slower, and what becomes of the noise.
 struct SlowOptions {
     int factor = 2;  ///< f
     int seed = 1;    ///< of the noise that is added

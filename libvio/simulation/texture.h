@@ -24,6 +24,7 @@ class Texture {
     double sample(double u, double v, double footprint) const;
 
  private:
+    // The pattern at one resolution: a square period, row by row, 0 to 255.
     struct Level {
         int side;
         double scale;  ///< side / side of the finest

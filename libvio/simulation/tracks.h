@@ -38,6 +38,7 @@ struct TrackModel {
     void describe(OptionSet& options);
 };
 
+/// Features as a tracker would give them, and the truth about them.
 struct SimulatedTracks {
     std::vector<FeatureFrame> frames;               ///< one per image
     std::map<FeatureId, Eigen::Vector3d> points_W;  ///< the points that were picked [m]

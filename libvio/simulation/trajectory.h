@@ -21,6 +21,7 @@ struct Motion {
 /// Motion of a frame S that is fixed to B, by the rigid body's kinematics (lever arm included).
 Motion moved_to(const Motion& body, const Pose& T_B_S);
 
+/// The body's motion in W as a function of time.
 class Trajectory {
  public:
     virtual ~Trajectory() = default;

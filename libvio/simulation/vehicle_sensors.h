@@ -11,6 +11,7 @@
 
 namespace vio {
 
+/// Rate and errors of wheel odometry.
 struct OdometryModel {
     bool make = false;
     double rate = 10;               ///< [Hz]
@@ -27,6 +28,7 @@ struct OdometryModel {
     void describe(OptionSet& options);
 };
 
+/// Odometry with its truth, message by message.
 struct SimulatedOdometry {
     std::vector<OdometryMessage> messages;  ///< T_O_B is planar; O is B at the first
     std::vector<Pose> truth;                ///< T_O_B without errors, in the plane
@@ -38,6 +40,7 @@ struct SimulatedOdometry {
 SimulatedOdometry simulate_odometry(const Trajectory& trajectory, const std::vector<double>& times,
                                     const OdometryModel& model, Random& random);
 
+/// Rate, place and errors of a GPS receiver.
 struct GpsModel {
     bool make = false;
     double rate = 1;                           ///< [Hz]
@@ -52,6 +55,7 @@ struct GpsModel {
     void describe(OptionSet& options);
 };
 
+/// Fixes with their truth, message by message.
 struct SimulatedGps {
     std::vector<GpsMessage> messages;
     std::vector<Eigen::Vector3d> truth_enu;  ///< position of B's origin in W [m]

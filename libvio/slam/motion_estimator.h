@@ -55,6 +55,7 @@ class MotionEstimator : public mrpt::rtti::CObject {
 
     // ---- The estimate ------------------------------------------------------------------------
 
+    /// The vehicle's pose at a time, in MRPT's types.
     struct StampedPose {
         mrpt::Clock::time_point stamp;
         mrpt::poses::CPose3DPDFGaussian pdf;  ///< T_W_B: the vehicle in the world, z up

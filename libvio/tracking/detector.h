@@ -7,6 +7,7 @@
 
 namespace vio {
 
+/// How far apart and how strong new features are.
 struct DetectorOptions {
     double min_distance_px = 15;  ///< between features
     double border_px = 10;        ///< kept free along the image's edges

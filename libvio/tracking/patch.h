@@ -13,6 +13,7 @@ class Patch {
  public:
     static constexpr int kHalf = 7, kSide = 2 * kHalf + 1, kPixels = kSide * kSide;
 
+    /// Where and in what shape the patch was found in an image.
     struct Alignment {
         Eigen::Vector2d uv_px;  ///< centre of the patch in the image
         Eigen::Matrix2d A;      ///< offsets in the patch to offsets in the image [-]

@@ -7,6 +7,7 @@
 
 namespace vio {
 
+/// A feature's expected pixel, with the uncertainty of the expectation.
 struct PredictedFeature {
     FeatureId id = -1;
     Eigen::Vector2d uv_px;

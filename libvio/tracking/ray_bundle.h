@@ -17,12 +17,14 @@ namespace vio {
 /// space:
 ///   du = (I - u u^T) / |q| dq,   dq/dR = skew(q),  dq/dp = -w R^T,  dq/dh = R^T [I, -p].
 struct RayBundle {
+    /// A feature's direction as one view saw it.
     struct Ray {
         Ray(int view, const Eigen::Vector3d& direction);
         int view_idx;
         Eigen::Vector3d m;              ///< unit vector in the view's frame
         Eigen::Matrix<double, 2, 3> B;  ///< see above
     };
+    /// A point in W, unit 4-vector (place or direction, see above), and the rays that saw it.
     struct Point {
         Eigen::Vector4d h = Eigen::Vector4d::UnitZ();
         std::vector<Ray> rays;

@@ -11,6 +11,7 @@
 
 namespace vio {
 
+/// How long the window is, and what fits.
 struct RigidWindowOptions {
     int images = 30;       ///< that the window spans while the camera moves; under 4 strides: off
     int stride = 2;        ///< images between those that are used
@@ -47,6 +48,7 @@ class RigidWindow {
     std::vector<Pose> poses() const;
 
  private:
+    // An image of the window: its pose up to scale, unit rays in the camera frame.
     struct View {
         Pose T_W_C;
         std::map<FeatureId, Eigen::Vector3d> rays;

@@ -18,6 +18,7 @@ struct Expectation {
     std::optional<Eigen::Matrix2d> region = {};  ///< covariance of uv where an estimator told it
 };
 
+/// A feature's place in the newest image and its history; pixels, and rays in the camera frame.
 struct Track {
     FeatureId id = -1;
     Eigen::Vector2d uv;           ///< in the newest image, expected if missed > 0

@@ -13,6 +13,7 @@
 
 namespace vio {
 
+/// How features are found, followed and verified.
 struct TrackerOptions {
     int max_features = 150;
     double min_distance_px = 15;    ///< between newly found features and all others

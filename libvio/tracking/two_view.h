@@ -12,12 +12,14 @@ struct RayPair {
     Eigen::Vector3d f1, f2;
 };
 
+/// What an inlier is, and how long to search.
 struct TwoViewOptions {
     double threshold = 0;  ///< largest angular residual of an inlier [rad]
     int max_hypotheses = 200;
     unsigned long long seed = 1;  ///< of the sampling
 };
 
+/// Rotation and direction of the translation between two cameras, and who agrees.
 struct TwoViewMotion {
     Eigen::Matrix3d R_C1_C2 = Eigen::Matrix3d::Identity();
     Eigen::Vector3d t_C1 = Eigen::Vector3d::UnitZ();  ///< direction of C2 seen from C1, unit vector

@@ -42,6 +42,7 @@ class ViewHistory {
     int inliers() const { return inliers_; }
 
  private:
+    // An image: unit rays in the camera frame.
     struct View {
         std::map<FeatureId, Eigen::Vector3d> rays;
         std::optional<Eigen::Matrix3d> R_next;  ///< rotation from this image to the next

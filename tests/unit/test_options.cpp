@@ -57,6 +57,12 @@ TEST(Options, CommentsMayStandBehindValues) {
     EXPECT_EQ(without_comment("  1 2 3\t#x"), "1 2 3");
 }
 
+// Messages quote damaged files and yet stay one line.
+TEST(InputErrors, ShowControlCharacters) {
+    EXPECT_STREQ(InputError("key a\nb\r\t\x01\x7f: no number, 20 °").what(),
+                 "key a\\nb\\r\\t\\x01\\x7f: no number, 20 °");
+}
+
 TEST(Options, AMisspeltNameIsToldFromAnother) {
     const std::vector<std::string> names = {"run", "render", "report", "reproduce", "simulate"};
     EXPECT_EQ(nearest("run", names), "run");
