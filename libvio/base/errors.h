@@ -10,7 +10,7 @@ namespace vio {
 /// "FILE (place): problem; remedy".
 class InputError : public std::runtime_error {
  public:
-    /// Control characters in the message, which quotes damaged files, are shown as \n, \t, \x01.
+    /// Control characters in the message, which may quote damaged files, are shown as in C sources.
     explicit InputError(const std::string& message);
 };
 
