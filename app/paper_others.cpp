@@ -20,6 +20,8 @@ Measures measured(const CellStore& store, const Cell& cell, size_t idx = 0) {
 
 constexpr const char* kOrdinals[] = {"first", "second", "third"};
 constexpr int kPrefixes[] = {20, 30, 40, 50, 60};
+// In the first experiment the mirror shakes: features move by 4.6 px along u and 2.2 along v.
+constexpr int kShakenPx = 5;
 
 // The arm moves at half the speed after the first experiment.
 std::vector<double> omni_control_times(int experiment) {
@@ -95,6 +97,10 @@ std::vector<Cell> all_table8(const PaperSetup& setup) {
             all.insert(all.end(), cells.begin(), cells.end());
         }
     }
+    for (const int prefix : kPrefixes) {
+        const auto cells = omni(setup, 1, own_filter(prefix, kShakenPx));
+        all.insert(all.end(), cells.begin(), cells.end());
+    }
     return all;
 }
 
@@ -118,8 +124,17 @@ std::vector<std::string> show_table8(const PaperSetup& setup, const CellStore& s
         for (size_t i = 0; i < 5; ++i)
             add("recursive, " + std::to_string(kPrefixes[i]) + " images",
                 omni(setup, experiment, own_filter(kPrefixes[i])), paper.recursive[i]);
+        if (experiment > 1) continue;
+        for (size_t i = 0; i < 5; ++i)
+            add("told " + std::to_string(kShakenPx) + " px, " + std::to_string(kPrefixes[i]) +
+                    " images",
+                omni(setup, experiment, own_filter(kPrefixes[i], kShakenPx)), paper.recursive[i]);
     }
     page.table(comparison.table());
+    page.text(
+        "In the first experiment the mirror shakes, as in the paper, so that features move by "
+        "several pixels more than the 2 px that all estimates are told. Rows \"told " +
+        std::to_string(kShakenPx) + " px\": the recursive estimate if it knows that.");
     return comparison.worse();
 }
 

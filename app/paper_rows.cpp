@@ -328,10 +328,10 @@ std::string paper_filter(const std::string& rate_variance, const std::string& ac
            std::to_string(prefix);
 }
 
-std::string own_filter(int prefix) {
-    return "--estimator iekf --set iekf.sigma_px=2 --set batch.sigma_px=2"
-           " --set iekf.prefix_images=" +
-           std::to_string(prefix);
+std::string own_filter(int prefix, int sigma_px) {
+    const std::string sigma = std::to_string(sigma_px);
+    return "--estimator iekf --set iekf.sigma_px=" + sigma + " --set batch.sigma_px=" + sigma +
+           " --set iekf.prefix_images=" + std::to_string(prefix);
 }
 
 const std::vector<Exhibit>& exhibits() {

@@ -83,8 +83,8 @@ std::string paper_batch(const std::string& variance, const std::string& argument
 /// The paper's filter: smooth motion with these variances, started from `prefix` images.
 std::string paper_filter(const std::string& rate_variance, const std::string& accel_variance,
                          int prefix);
-/// This project's filter, driven by the inertial readings.
-std::string own_filter(int prefix);
+/// This project's filter, driven by the inertial readings, told of features' errors [px].
+std::string own_filter(int prefix, int sigma_px = 2);
 
 /// The exhibits of sections 7, and 8-10.
 std::vector<Exhibit> arm_exhibits();
