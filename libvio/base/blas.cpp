@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <mutex>
 
+#include "libvio/base/each_processor.h"
+
 extern "C" {
 void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
             const double* a, const int* lda, const double* beta, double* c, const int* ldc);
@@ -19,6 +21,10 @@ void dtrsm_(const char* side, const char* uplo, const char* trans, const char* d
 
 namespace vio::blas {
 namespace {
+
+// GCC makes as many of the processor's registers of it as it takes.
+typedef double Pack __attribute__((vector_size(64), aligned(8), may_alias));
+constexpr int kPack = sizeof(Pack) / sizeof(double);
 
 constexpr double kOne = 1, kMinusOne = -1;
 
@@ -57,6 +63,31 @@ void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matri
     const int lda = stride(A), ldb = stride(B), ldc = stride(C);
     if (m > 0 && n > 0 && k > 0)
         dgemm_("N", "T", &m, &n, &k, &alpha, A.data(), &lda, B.data(), &ldb, &kOne, C.data(), &ldc);
+}
+
+VIO_EACH_PROCESSOR
+void combine(const double* const* columns, const double* S, int count, int rows, double* C_first,
+             double* C_second) {
+    int r = 0;
+    for (; r + kPack <= rows; r += kPack) {
+        Pack first{}, second{};
+        for (int k = 0; k < count; ++k) {
+            const Pack entries = *reinterpret_cast<const Pack*>(columns[k] + r);
+            first += S[2 * k] * entries;
+            second += S[2 * k + 1] * entries;
+        }
+        *reinterpret_cast<Pack*>(C_first + r) = first;
+        *reinterpret_cast<Pack*>(C_second + r) = second;
+    }
+    for (; r < rows; ++r) {
+        double first = 0, second = 0;
+        for (int k = 0; k < count; ++k) {
+            first += S[2 * k] * columns[k][r];
+            second += S[2 * k + 1] * columns[k][r];
+        }
+        C_first[r] = first;
+        C_second[r] = second;
+    }
 }
 
 void divide(const ConstMatrix& L, Matrix B) {

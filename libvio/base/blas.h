@@ -25,6 +25,10 @@ using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd>;
 void subtract_square(const ConstMatrix& A, Matrix C);
 /// C += alpha A B^T.
 void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C);
+/// C <- A S^T with few columns of A that stand apart: `columns` lists them, each of `rows` entries;
+/// S has two rows. C: two columns.
+void combine(const double* const* columns, const double* S, int count, int rows, double* C_first,
+             double* C_second);
 /// B <- B L^-T.
 void divide(const ConstMatrix& L, Matrix B);
 /// Cholesky's factor of the square on top of a panel A, lower triangle, in its place; its rows

@@ -1,11 +1,6 @@
 #include "libvio/batch/kernels.h"
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define VIO_EACH_PROCESSOR \
-    __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define VIO_EACH_PROCESSOR
-#endif
+#include "libvio/base/each_processor.h"
 
 namespace vio::batch::kernels {
 

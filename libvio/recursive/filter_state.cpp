@@ -188,8 +188,9 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     // With the first landmarks scale begins anew: what was read before them says nothing of theirs.
     if (landmarks_.empty() && in_variables_) in_variables_->forget();
     reserve(size_ + added);
-    const MatrixXd PGt = P_.topLeftCorner(size_, G.cols()) * G.transpose();
-    const MatrixXd own = G * PGt.topRows(G.cols()) + noise;
+    const Eigen::Index first = window_size() - G.cols();
+    const MatrixXd PGt = P_.block(0, first, size_, G.cols()) * G.transpose();
+    const MatrixXd own = G * PGt.middleRows(first, G.cols()) + noise;
     P_.block(0, size_, size_, added) = PGt;
     P_.block(size_, 0, added, size_) = PGt.transpose();
     P_.block(size_, size_, added, added) = 0.5 * (own + own.transpose());

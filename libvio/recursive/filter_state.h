@@ -125,7 +125,9 @@ class FilterState {
     /// number of iterations.
     int update(const Linearise& linearise, int max_iterations);
 
-    /// Update with residual = H dx + unit noise; H has window_size() columns.
+    // Jacobians below have the last columns of the window: those of core and clones, or of clones.
+
+    /// Update with residual = H dx + unit noise.
     void update(const Eigen::MatrixXd& H, const Eigen::VectorXd& residual);
 
     /// Innovations of all updates since the last call, at the means before them.
@@ -134,8 +136,8 @@ class FilterState {
     /// Covariance of a linear function of the window, H P H^T.
     Eigen::MatrixXd projected_covariance(const Eigen::MatrixXd& H) const;
 
-    /// Adds k landmarks whose errors are G dx + noise: Eqs. (24), (25). G: 3k x window_size().
-    /// Their anchors are clones.
+    /// Adds k landmarks whose errors are G dx + noise: Eqs. (24), (25). G: 3k rows. Their anchors
+    /// are clones.
     void augment(const std::vector<LandmarkState>& landmarks, const Eigen::MatrixXd& G,
                  const Eigen::MatrixXd& noise);
 
@@ -168,8 +170,7 @@ class FilterState {
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
     void mirror(int at, int count);
-    template <typename Columns>
-    void project(const PointRows& row, Columns&& PHt) const;
+    void project(const PointRows& row, int column);
     void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
     void change_gain(const Eigen::VectorXd& u, const Eigen::VectorXd& reading);
@@ -187,6 +188,7 @@ class FilterState {
                                        const Eigen::VectorXd& weighted) const;
     void doubt_sensitivity();
     void update_sensitivity(Eigen::MatrixXd Ht);
+    Eigen::MatrixXd window_transpose(const Eigen::MatrixXd& H) const;
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;

@@ -32,14 +32,16 @@ VectorXd FilterState::applied(const std::vector<PointRows>& rows, const VectorXd
     return result;
 }
 
-// Two columns of P J^T.
-template <typename Columns>
-void FilterState::project(const PointRows& row, Columns&& PJt) const {
-    const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
-              landmark = landmark_offset(row.landmark_idx);
-    PJt.noalias() = P_.topLeftCorner(size_, 6).lazyProduct(row.J_pose.transpose());
-    PJt.noalias() += P_.block(0, anchor, size_, 6).lazyProduct(row.J_anchor.transpose());
-    PJt.noalias() += P_.block(0, landmark, size_, 3).lazyProduct(row.J_landmark.transpose());
+// P J^T, two columns of the work space.
+void FilterState::project(const PointRows& row, int column) {
+    const int at[] = {0, clone_offset(landmarks_[row.landmark_idx].anchor),
+                      landmark_offset(row.landmark_idx)};
+    Eigen::Matrix<double, 2, 15> J;
+    J << row.J_pose, row.J_anchor, row.J_landmark;
+    const double* columns[15];
+    for (int k = 0; k < 15; ++k) columns[k] = P_.col(at[k / 6] + k % 6).data();
+    blas::combine(columns, J.data(), 15, size_, PHt_.col(column).data(),
+                  PHt_.col(column + 1).data());
 }
 
 // P H^T and S = H P H^T + I for landmarks seen from the core pose, H = J.
@@ -48,7 +50,7 @@ void FilterState::gain(const std::vector<PointRows>& rows) {
     PHt_.resize(size_, m);
     S_.resize(m, m);
     u_.resize(0);
-    for (int i = 0; i < m / 2; ++i) project(rows[i], PHt_.middleCols<2>(2 * i));
+    for (int i = 0; i < m / 2; ++i) project(rows[i], 2 * i);
     for (int i = 0; i < m / 2; ++i) {
         const PointRows& row = rows[i];
         const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
@@ -64,17 +66,20 @@ void FilterState::gain(const std::vector<PointRows>& rows) {
 // The same with H = J + u s^T, where s reads the scale's error.
 void FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
     u_ = u;
-    P_reading_.noalias() = P() * reading;
+    P_reading_.setZero(size_);
+    for (int i = landmark_offset(0) + 2; i < size_; i += 3)
+        P_reading_ += reading(i) * P_.col(i).head(size_);
     const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading_) * u;
     PHt_.noalias() += P_reading_ * u.transpose();
     S_.selfadjointView<Eigen::Lower>().rankUpdate(u, half);
 }
 
 void FilterState::gain(const MatrixXd& H) {
+    const Eigen::Index first = window_size() - H.cols();
     PHt_.setZero(size_, H.rows());
-    blas::add_product(1, P_.topLeftCorner(size_, H.cols()), H, PHt_);
-    S_.noalias() = H * PHt_.topRows(H.cols());
-    S_.diagonal().array() += 1;
+    blas::add_product(1, P_.block(0, first, size_, H.cols()), H, PHt_);
+    S_.setIdentity(H.rows(), H.rows());
+    blas::add_product(1, H, PHt_.middleRows(first, H.cols()).transpose(), S_);
 }
 
 // False where S is no covariance.
@@ -92,8 +97,12 @@ VectorXd FilterState::weighted(VectorXd residual) const {
 }
 
 MatrixXd FilterState::projected_covariance(const MatrixXd& H) const {
-    const MatrixXd PHt = P_.topLeftCorner(H.cols(), H.cols()) * H.transpose();
-    return H * PHt;
+    const blas::Serial serial;
+    const Eigen::Index n = H.cols(), first = window_size() - n;
+    MatrixXd HP = MatrixXd::Zero(H.rows(), n), projected = MatrixXd::Zero(H.rows(), H.rows());
+    blas::add_product(1, H, P_.block(first, first, n, n), HP);
+    blas::add_product(1, HP, H, projected);
+    return projected;
 }
 
 // P -= (P H^T) S^-1 (H P) = W W^T with W = P H^T L^-T, here and below in the lower triangle.
@@ -111,10 +120,13 @@ void FilterState::reduce_covariance(const std::vector<PointRows>& rows, const Ve
         auto W = PHt_.middleCols(first, count);
         if (first > 0) {
             mirror(0, window_size());
+            int from = size_, to = 0;  // they are near one another in the state, too
             for (int i = first / 2; i < (first + count) / 2; ++i) {
-                mirror(landmark_offset(rows[i].landmark_idx), 3);
-                project(rows[i], PHt_.middleCols<2>(2 * i));
+                from = std::min(from, landmark_offset(rows[i].landmark_idx));
+                to = std::max(to, landmark_offset(rows[i].landmark_idx) + 3);
             }
+            mirror(from, to - from);
+            for (int i = first / 2; i < (first + count) / 2; ++i) project(rows[i], 2 * i);
             if (u_.size() > 0) W.noalias() += P_reading_ * u_.segment(first, count).transpose();
         }
         blas::divide(L_.block(first, first, count, count), W);
@@ -239,10 +251,17 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     innovations_.add(residual, residual.dot(weight));
     const VectorXd delta = PHt_ * weight;
     VectorXd from_noise;
-    if (in_variables_) from_noise = sensitivity_change(H.transpose(), weight);
+    if (in_variables_) from_noise = sensitivity_change(window_transpose(H), weight);
     reduce_covariance();
-    if (in_variables_) update_sensitivity(H.transpose());
+    if (in_variables_) update_sensitivity(window_transpose(H));
     correct(delta, from_noise);
+}
+
+// For all of the window.
+MatrixXd FilterState::window_transpose(const MatrixXd& H) const {
+    MatrixXd Ht = MatrixXd::Zero(window_size(), H.rows());
+    Ht.bottomRows(H.cols()) = H.transpose();
+    return Ht;
 }
 
 // What an innovation, weighted by S^-1, changes in the errors' sensitivity to scale; see

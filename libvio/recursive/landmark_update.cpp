@@ -1,5 +1,7 @@
 #include "libvio/recursive/landmark_update.h"
 
+#include <algorithm>
+
 namespace vio {
 
 namespace {
@@ -124,11 +126,15 @@ std::vector<PredictedFeature> predicted_features(const FilterState& state, const
 void update_landmarks(FilterState& state, const std::vector<LandmarkSight>& sights,
                       const Camera& camera, const Pose& T_I_C, int max_iterations) {
     const Pose T_C_I = T_I_C.inverse();
+    std::vector<LandmarkSight> in_order = sights;  // that of the state, which updates like
+    std::sort(in_order.begin(), in_order.end(), [](const LandmarkSight& a, const LandmarkSight& b) {
+        return a.landmark_idx < b.landmark_idx;
+    });
     state.update(
         [&](const Eigen::VectorXd& delta, std::vector<PointRows>* rows) {
             rows->clear();
             const Pose T_W_I = state.core().T_W_I.boxplus(delta.head<6>());
-            for (const LandmarkSight& s : sights) {
+            for (const LandmarkSight& s : in_order) {
                 const LandmarkState& landmark = state.landmarks()[s.landmark_idx];
                 const int slot = landmark.anchor;
                 AnchoredPoint point = landmark.point;

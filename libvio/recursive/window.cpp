@@ -182,12 +182,13 @@ std::optional<Window::Split> Window::split(const FilterState& state, FeatureId i
 
     // [H_l | H_x | r], then the orthogonal factor of H_l applied to all.
     const PlacedPoint place = placed(split.point, anchor, T_I_C_);
-    const int w = state.window_size(), at_anchor = 3 + state.clone_offset(split.anchor);
+    const int core = state.core_size(), w = state.window_size() - core,  // columns of clones
+        at_anchor = 3 + state.clone_offset(split.anchor) - core;
     MatrixXd all = MatrixXd::Zero(2 * n, 3 + w + 1);
     for (int i = 0; i < n; ++i) {
         const auto seen = sight_residual(*camera_, T_C_I_, poses[i], place.p_W, sights[i]);
         if (!seen) return std::nullopt;
-        const int at = 3 + state.clone_offset(slots[i]);
+        const int at = 3 + state.clone_offset(slots[i]) - core;
         all.block<2, 3>(2 * i, 0) = seen->J_point * place.J_point;
         all.block<2, 3>(2 * i, at) += seen->J_rotation;
         all.block<2, 3>(2 * i, at + 3) += seen->J_position;
@@ -222,7 +223,7 @@ bool Window::precise(const Split& split) const {
 }
 
 void Window::augment(FilterState& state, const std::vector<Split>& points) const {
-    const int k = static_cast<int>(points.size()), w = state.window_size();
+    const int k = static_cast<int>(points.size()), w = state.window_size() - state.core_size();
     std::vector<LandmarkState> landmarks(k);
     MatrixXd G = MatrixXd::Zero(3 * k, w), noise = MatrixXd::Zero(3 * k, 3 * k);
     for (int i = 0; i < k; ++i) {
@@ -242,7 +243,7 @@ void Window::augment(FilterState& state, const std::vector<Split>& points) const
 
 void Window::update(FilterState& state, const std::vector<Split>& points) const {
     Eigen::Index rows = 0;
-    const int w = state.window_size();
+    const int w = state.window_size() - state.core_size();
     for (const Split& point : points) rows += point.residual.size();
     MatrixXd all(rows, w + 1);
     Eigen::Index at = 0;

@@ -75,8 +75,8 @@ class Window {
         AnchoredPoint point;
         Eigen::Matrix3d covariance;  // of the point, poses taken as exact
         Eigen::Matrix3d R_l;         // upper triangular: R_l dl = -H_l_x dx - n
-        Eigen::MatrixXd H_l_x;       // 3 rows
-        Eigen::MatrixXd H;           // free of the point
+        Eigen::MatrixXd H_l_x;       // 3 rows; columns of the clones
+        Eigen::MatrixXd H;           // free of the point; likewise
         Eigen::VectorXd residual;
     };
 
