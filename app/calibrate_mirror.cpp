@@ -19,7 +19,7 @@ namespace {
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Arguments {
-    std::string source, board, calibration, output;
+    std::string source, board, calibration, output, camera_label;
     std::vector<double> camera_pose;
     double sigma_px = 0;
     bool residuals = false;
@@ -49,6 +49,7 @@ Targets targets_of_board(const Arguments& arguments, const CameraPtr& camera) {
     source.path = arguments.source;
     source.camera = camera;
     source.recording.calibration_files = {arguments.calibration};
+    source.recording.camera_label = arguments.camera_label;
     const BoardViews views = read_board_views(source, board);
     if (views.width != camera->width() || views.height != camera->height())
         throw InputError(source.path + ": images are " + std::to_string(views.width) + " x " +
@@ -140,6 +141,8 @@ void add_calibrate_mirror(CLI::App& calibrate) {
         ->required();
     mirror->add_option("--board", arguments->board,
                        "Kalibr's target.yaml (aprilgrid, checkerboard) of the board in the images");
+    mirror->add_option("--camera-label", arguments->camera_label,
+                       "Camera of a rawlog; default: the first");
     mirror
         ->add_option("--calibration", arguments->calibration,
                      "Calibration with the camera and the mirror's shape, T_C_M as far as known")

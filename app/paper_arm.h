@@ -16,8 +16,6 @@ constexpr int kFactors[] = {1, 2, 4, 8};
 std::vector<Cell> seeds(const PaperSetup& setup, const std::function<Cell(int)>& cell_of);
 void append(std::vector<Cell>& all, const std::vector<Cell>& more);
 
-constexpr double kArmInterval = 0.84;  ///< between its seven control points [s]
-
 /// `run` on the arm's recording of a seed.
 Cell arm(const PaperSetup& setup, int seed, const std::string& run);
 Cell started_from(Cell cell, const Cell& start);

@@ -25,7 +25,7 @@ constexpr int kShakenPx = 5;
 
 // The arm moves at half the speed after the first experiment.
 std::vector<double> omni_control_times(int experiment) {
-    return arm_control_times(experiment == 1 ? 0.84 : 1.68);
+    return arm_control_times((experiment == 1 ? 1 : 2) * kArmInterval);
 }
 
 std::vector<Cell> omni(const PaperSetup& setup, int experiment, const std::string& run) {

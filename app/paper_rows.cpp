@@ -194,7 +194,7 @@ Comparison::Comparison(std::vector<std::string> labels, bool with_iterations)
     : with_iterations_(with_iterations) {
     table_.header = std::move(labels);
     for (const char* name : {"rotation [rad]", "paper", "translation [cm]", "paper",
-                             "over all images", "scale error", "paper"})
+                             "translation, all images [cm]", "scale error", "paper"})
         table_.header.push_back(name);
     if (with_iterations)
         for (const char* name : {"iterations", "paper"}) table_.header.push_back(name);

@@ -71,7 +71,8 @@ Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int c
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments = "");
 
-/// When the arm passes its seven control points, `interval` apart [s].
+constexpr double kArmInterval = 0.84;  ///< between the arm's seven control points [s]
+/// When the arm passes them, `interval` apart [s].
 std::vector<double> arm_control_times(double interval);
 /// Arguments of `evaluate`: the paper's error metrics, at the times [s] of the control points,
 /// which are all that it has as truth of the arm (7) and of the crane (11).

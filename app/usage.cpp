@@ -29,8 +29,9 @@ std::string joined(const std::vector<std::string>& names) {
 // Of a word that means nothing to the command.
 std::string unknown(const CLI::App& command, const std::string& word) {
     if (word.starts_with("-")) {
-        const std::string meant = nearest(word, option_names(command));
-        return word + ": no such option" + (meant.empty() ? "" : "; did you mean " + meant + "?");
+        const std::string name = word.substr(0, word.find('='));
+        const std::string meant = nearest(name, option_names(command));
+        return name + ": no such option" + (meant.empty() ? "" : "; did you mean " + meant + "?");
     }
     const auto names = command_names(command);
     if (names.empty()) return word + ": one argument too many";

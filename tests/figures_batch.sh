@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Measures the batch estimator: convergence, consistency, image-only beside image-and-inertial, a
-# flight with rendered images (the filter's too), and speed against Ceres (where vio_bench_batch was built):
+# flight with rendered images (the filter's too), and speed against Ceres (where vio_bench_batch
+# was built):
 #   tests/figures_batch.sh [--long] [--only SECTION[,SECTION...]] [DATA_DIR]
 # SECTION: arm poor rotations image_only nees rendered speed scaling (default: all).
 # --long: the full number of seeds (hours of one core).
@@ -46,7 +47,8 @@ truth=()
 figures nees "$(few 200 20)" "${truth[@]}"
 
 if wanted rendered && [[ -f $RECORDED ]]; then
-    echo "== V1_01's path with rendered images, simulated readings, own tracking (bars: batch 1.2, filter 1.9 cm)"
+    echo "== V1_01's path with rendered images, simulated readings, own tracking" \
+        "(bars: batch 1.2, filter 1.9 cm)"
     mkdir -p out/figures
     made=out/figures/v101_rendered
     vio_slam=build/release/app/vio-slam

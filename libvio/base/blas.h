@@ -1,6 +1,6 @@
-// Dense products on the machine's BLAS, which is made for the very processor, as this program,
-// for all of its kind, is not. Column-major; a matrix with L is lower triangular, what stands above
-// its diagonal is neither read nor written.
+// Dense products on the machine's BLAS (but for combine()), which is made for the very processor,
+// as this program, for all of its kind, is not. Column-major; a matrix with L is lower triangular,
+// what stands above its diagonal is neither read nor written.
 #pragma once
 
 #include <Eigen/Dense>
@@ -25,8 +25,9 @@ using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd>;
 void subtract_square(const ConstMatrix& A, Matrix C);
 /// C += alpha A B^T.
 void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C);
-/// C <- A S^T with few columns of A that stand apart: `columns` lists them, each of `rows` entries;
-/// S has two rows. C: two columns.
+/// C <- A S^T with few columns of A that stand apart, in loops of our own since BLAS has none for
+/// it: `columns` lists the `count` columns of A, each of `rows` entries; S: 2 x count,
+/// column-major. The two columns of C overlap none of A's.
 void combine(const double* const* columns, const double* S, int count, int rows, double* C_first,
              double* C_second);
 /// B <- B L^-T.

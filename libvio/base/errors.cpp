@@ -15,7 +15,7 @@ std::string visible(const std::string& text) {
         else if (c == '\r')
             shown += "\\r";
         else if (code < 0x20 || code == 0x7f)
-            (((shown += "\\x") += kDigits[code >> 4]) += kDigits[code & 15]);
+            shown += {'\\', 'x', kDigits[code >> 4], kDigits[code & 15]};
         else
             shown += c;
     }

@@ -1,6 +1,7 @@
 #include "libvio/base/nearest.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace vio {
 namespace {

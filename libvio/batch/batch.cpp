@@ -108,11 +108,12 @@ Course estimate_from_nothing(const BatchProblem& problem, const BatchOptions& op
     if (!two) return one;
     one.sums = two->sums;
     const Fit other = fit_of(*two);
-    const bool better = other.cost < fit.cost;
+    if (!std::isfinite(other.cost)) return one;  // it led nowhere, and so contradicts nothing
+    const bool better = !(fit.cost <= other.cost);
     Course& best = better ? *two : one;
     best.remark = better ? " (from a second start: the first left too much unexplained)"
                          : " (a second start led to no less cost)";
-    if ((better ? other : fit).doubtful &&
+    if (std::isfinite(fit.cost) && (better ? other : fit).doubtful &&
         !(std::abs(other.cost - fit.cost) <= kAlike * std::min(other.cost, fit.cost)))
         best.dispute = "two starts led to different estimates (costs " + std::to_string(fit.cost) +
                        " and " + std::to_string(other.cost) +
@@ -207,6 +208,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     }
 
     // 2. What is published: frames, covariances, and what they leave open.
+    const auto settled = Clock::now();
     const Stage stage{options.gravity == "free", options.loss};
     Objective objective(course.model, options, stage);
     NormalEquations equations(course.model, make_layout(course.model, options),
@@ -217,7 +219,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         publish(course.model, objective, course.state, select_keyframes(problem.frames),
                 options.covariances ? &equations : nullptr, singular);
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
-    course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
+    course.sums.covariance_s = seconds_since(settled);
     result.report = make_report(course, began);
     if (options.covariances) judge_solution(course, objective, equations, singular, result.report);
     return result;

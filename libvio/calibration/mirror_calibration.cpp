@@ -1,12 +1,15 @@
 #include "libvio/calibration/mirror_calibration.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "libvio/base/errors.h"
 #include "libvio/base/median.h"
 #include "libvio/calibration/board_pose.h"
+#include "libvio/geometry/so3.h"
 
 namespace vio {
 namespace {
@@ -129,6 +132,11 @@ class Calibrator {
         const int dropped = static_cast<int>(seen_.size() - kept.size());
         seen_ = std::move(kept);
         result.outliers += dropped;
+        if (2 * static_cast<Index>(seen_.size()) <= unknowns_)
+            fail(std::to_string(dropped) + " targets are more than " +
+                 std::to_string(static_cast<int>(options_.outlier_sigmas)) +
+                 " sigma off, which leaves too few; compare sigma_px, order and places of the "
+                 "targets");
         return dropped > 0;
     }
 
@@ -157,7 +165,8 @@ class Calibrator {
 
  private:
     // Cost at x and residuals, predicted less seen; normal equations too if asked for. A target
-    // that is not imaged has no residual, but costs as much as one that is an image's diagonal off.
+    // that is not imaged costs as much as one that is an image's diagonal off; its residual is
+    // infinite.
     double linearize(const Unknowns& x, bool equations) {
         MirrorParameters p = parameters_;
         p.T_C_M = x.T_C_M;
@@ -180,6 +189,7 @@ class Calibrator {
             if (!uv) {
                 ++unseen_;
                 cost += diagonal2;
+                residuals_[k].setConstant(std::numeric_limits<double>::infinity());
                 continue;
             }
             residuals_[k] = *uv - s.uv_px;

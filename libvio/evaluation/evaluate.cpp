@@ -96,8 +96,12 @@ std::vector<PosePair> associated_pairs(const std::vector<TimedPose>& estimate,
     }
     if (!options.at_s.empty()) pairs = nearest_pairs(pairs, options.at_s, truth.front().t);
     if (pairs.size() < 2)
-        throw InputError(both + (pairs.empty() ? "no" : "only one") +
-                         " pose has truth at its time; at least two are needed");
+        throw InputError(
+            both + (pairs.empty() ? "no" : "only one") +
+            (options.at_s.empty()
+                 ? " pose has truth at its time"
+                 : " pose with truth is near the given times (seconds after the truth's first)") +
+            "; at least two are needed");
     for (PosePair& pair : pairs) pair.estimate = pair.estimate * options.T_B_T;
     return pairs;
 }
@@ -164,9 +168,16 @@ Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImag
     return result;
 }
 
-void add_warnings(Evaluation& e) {
+void add_warnings(const EvaluationOptions& options, Evaluation& e) {
     char text[200];
-    if (e.associated_poses < e.estimated_poses) {
+    if (!options.at_s.empty()) {
+        const int asked = static_cast<int>(options.at_s.size());
+        if (e.associated_poses < asked) {
+            std::snprintf(text, sizeof(text), "%d of the %d times have no pose of their own near",
+                          asked - e.associated_poses, asked);
+            e.warnings.push_back(text);
+        }
+    } else if (e.associated_poses < e.estimated_poses) {
         std::snprintf(text, sizeof(text), "%d of %d poses have no truth at their time",
                       e.estimated_poses - e.associated_poses, e.estimated_poses);
         e.warnings.push_back(text);
@@ -282,7 +293,7 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
         if (const auto attitude = other_attitude(pairs, options.T_B_T.R))
             e.warnings.push_back(*attitude);
     }
-    add_warnings(e);
+    add_warnings(options, e);
     return e;
 }
 

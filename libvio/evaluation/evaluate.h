@@ -29,7 +29,8 @@ struct EvaluationOptions {
     double time_offset_s = 0;         ///< t_truth = t_estimate + time_offset
     double time_offset_search_s = 0;  ///< above 0: the offset is estimated, within +- this
     /// The truth is known at these times alone [s after its first row], as at a machine's control
-    /// points: of the estimate, the pose nearest to each is judged. Empty: wherever there is truth.
+    /// points: of the estimate, the pose nearest to each is judged, unless it is farther away
+    /// than the median interval between poses. Empty: wherever there is truth.
     std::vector<double> at_s;
     Pose T_B_T;  ///< pose of what the truth tracks, in the estimate's body frame
     bool estimate_has_scale = true;  ///< false (image-only): the scale error (27) has no meaning

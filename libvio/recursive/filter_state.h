@@ -122,12 +122,14 @@ class FilterState {
     using Linearise = std::function<void(const Eigen::VectorXd& delta, std::vector<PointRows>*)>;
 
     /// Iterated update (Gelb 1974) with all landmarks seen in an image, Eq. (22). Returns the
-    /// number of iterations.
+    /// number of iterations; 0, and nothing is changed, where there are no rows or the residual's
+    /// covariance is not positive definite.
     int update(const Linearise& linearise, int max_iterations);
 
     // Jacobians below have the last columns of the window: those of core and clones, or of clones.
 
-    /// Update with residual = H dx + unit noise.
+    /// Update with residual = H dx + unit noise. Nothing is changed where the residual's covariance
+    /// is not positive definite.
     void update(const Eigen::MatrixXd& H, const Eigen::VectorXd& residual);
 
     /// Innovations of all updates since the last call, at the means before them.
@@ -169,7 +171,7 @@ class FilterState {
                                         const Eigen::Ref<const Eigen::VectorXd>& delta);
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
-    void mirror(int at, int count);
+    void fill_upper(int at, int count);
     void project(const PointRows& row, int column);
     void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
@@ -185,7 +187,7 @@ class FilterState {
     void reduce_covariance();
     Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
     Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& Ht,
-                                       const Eigen::VectorXd& weighted) const;
+                                       const Eigen::VectorXd& weight) const;
     void doubt_sensitivity();
     void update_sensitivity(Eigen::MatrixXd Ht);
     Eigen::MatrixXd window_transpose(const Eigen::MatrixXd& H) const;

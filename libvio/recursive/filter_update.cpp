@@ -119,13 +119,13 @@ void FilterState::reduce_covariance(const std::vector<PointRows>& rows, const Ve
         const int count = std::min(kRowsAtOnce, m - first);
         auto W = PHt_.middleCols(first, count);
         if (first > 0) {
-            mirror(0, window_size());
+            fill_upper(0, window_size());
             int from = size_, to = 0;  // they are near one another in the state, too
             for (int i = first / 2; i < (first + count) / 2; ++i) {
                 from = std::min(from, landmark_offset(rows[i].landmark_idx));
                 to = std::max(to, landmark_offset(rows[i].landmark_idx) + 3);
             }
-            mirror(from, to - from);
+            fill_upper(from, to - from);
             for (int i = first / 2; i < (first + count) / 2; ++i) project(rows[i], 2 * i);
             if (u_.size() > 0) W.noalias() += P_reading_ * u_.segment(first, count).transpose();
         }
@@ -136,7 +136,7 @@ void FilterState::reduce_covariance(const std::vector<PointRows>& rows, const Ve
 }
 
 // Upper triangle from the lower, for columns from `at` on.
-void FilterState::mirror(int at, int count) {
+void FilterState::fill_upper(int at, int count) {
     P_.block(0, at, at, count) = P_.block(at, 0, count, at).transpose();
     auto own = P_.block(at, at, count, count);
     own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
@@ -297,7 +297,7 @@ void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
             carry_scale(change, reading);
         }
     }
-    if (invariant_) mirror(0, window_size());
+    if (invariant_) fill_upper(0, window_size());
     const CoreState before = core_;
     core_ = moved(core_, delta.head(core_size_));
     if (invariant_) carry(0, core_carrier(delta.head(core_size_), before, core_).leftCols<3>());
@@ -308,7 +308,7 @@ void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
     }
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
         landmarks_[i].point.x += delta.segment<3>(landmark_offset(i));
-    mirror(0, size_);
+    fill_upper(0, size_);
 }
 
 // Direction of scale at the mean moved by delta; see the header's head.

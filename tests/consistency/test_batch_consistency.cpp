@@ -174,7 +174,8 @@ TEST(PaperClaims, FixedVariancesHardlyMatter) {
 }
 
 // With so loose inertial terms, points that go to infinity can bend the poses until they fit there:
-// a blind start must not end with more cost than one from the truth does.
+// a blind start must not end with more cost than one from the truth does (1: of a sum of squares in
+// units of sigma, less than what one residual adds).
 TEST(BlindStart, RecallsPointsFromInfinity) {
     for (const int seed : {2, 3}) {
         const test::ScenarioRun run = test::run_scenario(arm(seed));
@@ -187,18 +188,18 @@ TEST(BlindStart, RecallsPointsFromInfinity) {
     }
 }
 
-// Two of the paths that are hardest to start on: wrong minima lie near.
+// Two of the paths that are hardest to start on: wrong minima lie near, of more cost.
 TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
     for (const unsigned seed : {23U, 57U}) {
         const test::SimulatedRun run = test::simulate_run(test::turning_run(270, seed));
         BatchOptions options;
         options.start = "blind";
         options.covariances = false;
-        const BatchResult result = estimate_batch(test::batch_problem(run), options);
-        ASSERT_TRUE(result.report.converged) << result.report.reason;
-        const test::Errors errors = test::errors_of(result.estimate, test::truth_of(run));
-        EXPECT_LT(errors.position, 0.02) << seed;
-        EXPECT_LT(errors.rotation, 0.02) << seed;
+        const BatchProblem problem = test::batch_problem(run);
+        const BatchResult blind = estimate_batch(problem, options),
+                          from_truth = estimate_batch(problem, options, test::truth_of(run));
+        ASSERT_TRUE(blind.report.converged) << blind.report.reason;
+        EXPECT_NEAR(blind.report.final_cost, from_truth.report.final_cost, 1) << seed;
     }
 }
 

@@ -3,6 +3,7 @@
 // covariance.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <random>
 
@@ -110,6 +111,42 @@ TEST(IekfLinear, LandmarkUpdateEqualsInformationSolution) {
     EXPECT_LT(
         (state.landmarks()[60].point.x - p - delta.segment<3>(state.landmark_offset(60))).norm(),
         1e-9 * delta.norm());
+}
+
+// In one order or the other: the rows reduce the covariance some at a time, and what a large
+// innovation changes in the errors' sensitivity to scale is carried through all of them.
+TEST(IekfUpdate, DoesNotDependOnTheOrderOfItsRows) {
+    constexpr int kLandmarks = 75;
+    std::mt19937 random(5);
+    FilterState one = some_state(random, CoreKind::inertial, true);
+    one.marginalise({true, true, true, true});
+    std::vector<LandmarkState> landmarks(kLandmarks);
+    for (int i = 0; i < kLandmarks; ++i) {
+        landmarks[i].anchor = i % 3;
+        landmarks[i].point.x = {0.1, -0.2, 0.4};
+    }
+    one.start_landmarks(landmarks, random_covariance(random, one.window_size() + 3 * kLandmarks));
+    std::vector<PointRows> rows(kLandmarks);
+    for (int i = 0; i < kLandmarks; ++i) {
+        rows[i].landmark_idx = i;
+        rows[i].residual = random_matrix(random, 2, 1);
+        rows[i].J_pose = random_matrix(random, 2, 6);
+        rows[i].J_anchor = random_matrix(random, 2, 6);
+        rows[i].J_landmark = random_matrix(random, 2, 3);
+    }
+    FilterState other = one;
+    const auto update = [&](FilterState& state) {
+        return state.update([&](const VectorXd&, std::vector<PointRows>* out) { *out = rows; }, 2);
+    };
+    EXPECT_EQ(update(one), 2);
+    std::reverse(rows.begin(), rows.end());
+    EXPECT_EQ(update(other), 2);
+    const MatrixXd P = one.covariance();
+    EXPECT_LT((P - other.covariance()).norm(), 1e-9 * P.norm());
+    for (int i = 0; i < kLandmarks; ++i) {
+        const Vector3d x = one.landmarks()[i].point.x;
+        EXPECT_LT((x - other.landmarks()[i].point.x).norm(), 1e-9 * x.norm()) << i;
+    }
 }
 
 TEST(IekfLinear, LazyCoreEqualsWholeState) {

@@ -35,7 +35,8 @@ void print_all(const test::Arm& arm) {
 // One image of targets all around, 0.5 to 2.5 m away, seen with 1 px noise; the mirror off by half
 // a degree and a millimetre. Bars: 0.1 degrees and 1 mm in 95 % of 100 seeds. The Cramer-Rao bound
 // falls with the root of the number of targets: for 0.1 degrees in 95 % (0.041 degrees per axis) it
-// asks for 1600 where the camera's pose is known, and 2200 where it is found.
+// asks for 1600 where the camera's pose is known, and 2200 where it is found; over seeds, below,
+// the latter takes somewhat more than 2500.
 void calibrate_over_seeds(int targets, bool pose_known) {
     constexpr int kSeeds = 100;
     int turned = 0, placed = 0;

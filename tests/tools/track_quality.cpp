@@ -14,7 +14,7 @@
 // the share also with the rotations of one and the positions of the other.
 // Where a recorded truth jumps is told by the accelerometer; rows allow for
 // noise in its positions. --ends: why tracks end. --spoil: the same images
-// blurred, dark, missing..
+// blurred, dark, missing.
 // Measured: what the estimator predicts and ends is worth nothing beside the
 // gyro and the geometry, at 1.5 Hz, in sudden moves at 6 Hz and with images
 // missing as little as at 30 Hz.
@@ -33,8 +33,7 @@ namespace {
 
 using namespace track_judgement;
 
-// ---- Trackers
-// ---------------------------------------------------------------------------------
+// ---- Trackers ---------------------------------------------------------------------------------
 
 // What the tracker has beside its options.
 struct Parts {
