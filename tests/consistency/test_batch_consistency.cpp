@@ -199,7 +199,12 @@ TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
         const BatchResult blind = estimate_batch(problem, options),
                           from_truth = estimate_batch(problem, options, test::truth_of(run));
         ASSERT_TRUE(blind.report.converged) << blind.report.reason;
-        EXPECT_NEAR(blind.report.final_cost, from_truth.report.final_cost, 1) << seed;
+        // A few far points may settle elsewhere; the wrong minima cost a fifth more.
+        EXPECT_LT(blind.report.final_cost, 1.01 * from_truth.report.final_cost) << seed;
+        const test::Errors errors = test::errors_of(blind.estimate, test::truth_of(run)),
+                           least = test::errors_of(from_truth.estimate, test::truth_of(run));
+        EXPECT_LT(errors.position, 1.5 * least.position) << seed;
+        EXPECT_LT(errors.rotation, 1.5 * least.rotation) << seed;
     }
 }
 
