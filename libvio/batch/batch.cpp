@@ -3,10 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
-#include <utility>
 
-#include "libvio/base/median.h"
 #include "libvio/batch/course.h"
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/observability.h"
@@ -36,94 +33,21 @@ void run(Course& course, Begin begin) {
     course.sums.minimize_s += seconds_since(began);
 }
 
-// How well an estimate explains all observations, those dropped included, of points that every
-// start has in its model.
-struct Fit {
-    double cost = 0;
-    bool doubtful = false;  // more is left than noise and mistracks explain
-};
-
-Fit fit_of(const Course& course) {
-    constexpr int kSeenByAllStarts = 3;
-    constexpr double kNever = std::numeric_limits<double>::infinity();
-    // Mistracks, and noise stated too small or too large, are common; so many observations so far
-    // beyond the spread of the others are not.
-    constexpr double kFarBeyond2 = 25, kTooMany = 0.04, kMedianOfSquare = 1.386;
-    constexpr double kExplained = 2.2;  // for each observation: its two components, and a tenth
-    Model model = course.model;
-    int count = 0;
-    for (const Point& point : model.points)
-        for (int k = 0; k < point.observation_count; ++k) {
-            const bool counts = point.observation_count >= kSeenByAllStarts;
-            model.observations[point.first_observation + k].active = counts;
-            count += counts;
-        }
-    const Objective objective(model, course.options,
-                              {course.options.gravity == "free", course.options.loss});
-    std::vector<double> distances2;
-    for (const Observation& observation : model.observations)
-        if (observation.active)
-            distances2.push_back(objective.observation_distance2(course.state, observation));
-    Fit fit{objective.evaluate(course.state).total(), true};
-    if (course.model.inertial && !gravity_known(course)) fit.cost = kNever;
-    if (distances2.empty() || fit.cost == kNever) return fit;
-    const double variance = median(distances2) / kMedianOfSquare;
-    const auto beyond = std::count_if(distances2.begin(), distances2.end(),
-                                      [&](double d2) { return !(d2 <= kFarBeyond2 * variance); });
-    fit.doubtful =
-        !(fit.cost <= kExplained * count) || static_cast<double>(beyond) > kTooMany * count;
-    return fit;
-}
-
-// From a second start; nothing where that cannot begin (hardly any features in its first images).
-std::optional<Course> estimate_staged(const BatchProblem& problem, const BatchOptions& options,
-                                      int prefix_images, const BatchReport& sums) {
-    Course course{problem, options, {}, {}, {}, sums};
-    try {
-        run(course, [&] { start_staged(course, prefix_images); });
-    } catch (const InputError&) {
-        return std::nullopt;
-    }
-    return course;
-}
-
-// From nothing. An estimate that leaves more than noise and mistracks explain may be a minimum, but
-// not the least: then another start is tried, and the better estimate taken. Where the doubt
-// remains, only their agreement clears it.
+// From nothing.
 Course estimate_from_nothing(const BatchProblem& problem, const BatchOptions& options) {
-    constexpr double kAlike = 0.01;  // of the cost
-    const bool blind = options.start == "blind";
-    const int all = static_cast<int>(problem.frames.size()), prefix = options.prefix_images;
-    Course one{problem, options, {}, {}, {}, {}};
-    run(one, [&] {
-        if (blind)
-            start_blind(one, all);
+    Course course{problem, options};
+    run(course, [&] {
+        if (options.start == "blind")
+            start_blind(course, static_cast<int>(problem.frames.size()));
         else
-            start_staged(one, prefix);
+            start_staged(course, options.prefix_images);
     });
-    const Fit fit = fit_of(one);
-    if (!fit.doubtful || prefix >= all) return one;
-
-    auto two = estimate_staged(problem, options, blind ? prefix : 2 * prefix, one.sums);
-    if (!two) return one;
-    one.sums = two->sums;
-    const Fit other = fit_of(*two);
-    if (!std::isfinite(other.cost)) return one;  // it led nowhere, and so contradicts nothing
-    const bool better = !(fit.cost <= other.cost);
-    Course& best = better ? *two : one;
-    best.remark = better ? " (from a second start: the first left too much unexplained)"
-                         : " (a second start led to no less cost)";
-    if (std::isfinite(fit.cost) && (better ? other : fit).doubtful &&
-        !(std::abs(other.cost - fit.cost) <= kAlike * std::min(other.cost, fit.cost)))
-        best.dispute = "two starts led to different estimates (costs " + std::to_string(fit.cost) +
-                       " and " + std::to_string(other.cost) +
-                       "), and neither explains the observations";
-    return std::move(best);
+    return course;
 }
 
 Course estimate_from(const BatchProblem& problem, const BatchOptions& options,
                      const Estimate& start) {
-    Course course{problem, options, {}, {}, {}, {}};
+    Course course{problem, options};
     run(course, [&] {
         course.model = make_model(problem, options, static_cast<int>(problem.frames.size()));
         course.state = given_start(course.model, start);
@@ -136,8 +60,6 @@ Course estimate_from(const BatchProblem& problem, const BatchOptions& options,
 std::string failure_of_start(const Course& course) {
     if (course.model.inertial && !gravity_known(course))
         return "gravity was not found from the start that was tried";
-    if (!course.dispute.empty())
-        return course.dispute + ": try another start, or compare sigma_px with the tracks";
     constexpr double kUsualLimit = 5;
     const double sigmas = course.options.outlier_sigmas;
     const double limit2 = std::pow(sigmas > 0 ? sigmas : kUsualLimit, 2);
@@ -157,7 +79,7 @@ std::string failure_of_start(const Course& course) {
 BatchReport make_report(const Course& course, Clock::time_point began) {
     BatchReport report = course.sums;
     report.converged = course.last.converged;
-    report.reason = course.last.reason + course.remark;
+    report.reason = course.last.reason;
     report.final_cost = course.last.final.total();
     report.image_cost = course.last.final.image;
     report.inertial_cost = course.last.final.inertial;

@@ -2,8 +2,6 @@
 // everything, with what is set right in between.
 #pragma once
 
-#include <string>
-
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/model.h"
 
@@ -17,8 +15,6 @@ struct Course {
     State state{};
     MinimizeReport last{};
     BatchReport sums{};  ///< iterations and times so far
-    /// Of a second start, in words: what came of it; and that it contradicts the first one.
-    std::string remark{}, dispute{};
 };
 
 /// Whether gravity was found (a blind start knows none).

@@ -208,19 +208,5 @@ TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
     }
 }
 
-// Noise stated half as large as it is leaves much unexplained, but a second start that leads to the
-// same estimate clears the doubt.
-TEST(BlindStart, IsNotRefusedForNoiseStatedTooSmall) {
-    const test::SimulatedRun run = test::simulate_run(test::turning_run(30, 1));
-    BatchOptions options;
-    options.start = "blind";
-    options.sigma_px = 0.5;
-    options.covariances = false;
-    const BatchResult result = estimate_batch(test::batch_problem(run), options);
-    ASSERT_TRUE(result.report.converged) << result.report.reason;
-    EXPECT_NE(result.report.reason.find("second start"), std::string::npos);
-    EXPECT_LT(test::errors_of(result.estimate, test::truth_of(run)).position, 0.02);
-}
-
 }  // namespace
 }  // namespace vio
