@@ -22,40 +22,6 @@ double seconds_since(Clock::time_point began) {
     return std::chrono::duration<double>(Clock::now() - began).count();
 }
 
-// A first estimate of everything by begin(), then the minimum over everything, without outliers.
-template <typename Begin>
-void run(Course& course, Begin begin) {
-    auto began = Clock::now();
-    begin();
-    course.sums.start_s += seconds_since(began);
-    began = Clock::now();
-    if (!course.model.inertial || gravity_known(course)) minimize_all(course);
-    course.sums.minimize_s += seconds_since(began);
-}
-
-// From nothing.
-Course estimate_from_nothing(const BatchProblem& problem, const BatchOptions& options) {
-    Course course{problem, options};
-    run(course, [&] {
-        if (options.start == "blind")
-            start_blind(course, static_cast<int>(problem.frames.size()));
-        else
-            start_staged(course, options.prefix_images);
-    });
-    return course;
-}
-
-Course estimate_from(const BatchProblem& problem, const BatchOptions& options,
-                     const Estimate& start) {
-    Course course{problem, options};
-    run(course, [&] {
-        course.model = make_model(problem, options, static_cast<int>(problem.frames.size()));
-        course.state = given_start(course.model, start);
-        fix_gravity_norm(course);
-    });
-    return course;
-}
-
 // Why the start that was tried led nowhere; empty: it did not.
 std::string failure_of_start(const Course& course) {
     if (course.model.inertial && !gravity_known(course))
@@ -118,9 +84,24 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     if (given.imu.empty()) rest = without_unseeing_images(given);
     const BatchProblem& problem = rest ? *rest : given;
 
-    // 1. A first estimate of everything; the minimum over everything, without outliers.
-    Course course =
-        start ? estimate_from(problem, options, *start) : estimate_from_nothing(problem, options);
+    Course course{problem, options};
+
+    // 1. A first estimate of everything.
+    const int images = static_cast<int>(problem.frames.size());
+    if (start) {
+        course.model = make_model(problem, options, images);
+        course.state = given_start(course.model, *start);
+        fix_gravity_norm(course);
+    } else if (options.start == "blind") {
+        start_blind(course, images);
+    } else {
+        start_staged(course);
+    }
+    course.sums.start_s = seconds_since(began);
+
+    // 2. The minimum over everything, without outliers.
+    if (!course.model.inertial || gravity_known(course)) minimize_all(course);
+    course.sums.minimize_s = seconds_since(began) - course.sums.start_s;
     BatchResult result;
     if (const std::string failure = failure_of_start(course); !failure.empty()) {
         result.report = make_report(course, began);
@@ -129,8 +110,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         return result;
     }
 
-    // 2. What is published: frames, covariances, and what they leave open.
-    const auto settled = Clock::now();
+    // 3. What is published: frames, covariances, and what they leave open.
     const Stage stage{options.gravity == "free", options.loss};
     Objective objective(course.model, options, stage);
     NormalEquations equations(course.model, make_layout(course.model, options),
@@ -141,7 +121,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
         publish(course.model, objective, course.state, select_keyframes(problem.frames),
                 options.covariances ? &equations : nullptr, singular);
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
-    course.sums.covariance_s = seconds_since(settled);
+    course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);
     if (options.covariances) judge_solution(course, objective, equations, singular, result.report);
     return result;

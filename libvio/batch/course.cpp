@@ -159,9 +159,9 @@ void start_blind(Course& course, int images) {
     free_trapped_points(course);
 }
 
-void start_staged(Course& course, int prefix_images) {
+void start_staged(Course& course) {
     const int all = static_cast<int>(course.problem.frames.size());
-    int images = std::min(all, prefix_images);
+    int images = std::min(all, course.options.prefix_images);
     start_blind(course, images);
     constexpr int kIterationsPerStage = 8;
     const bool free = course.options.gravity == "free";

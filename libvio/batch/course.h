@@ -29,7 +29,7 @@ void fix_gravity_norm(Course& course);
 void start_blind(Course& course, int images);
 
 /// Grows the estimate from a blind start of a prefix to all images, by a quarter at a time.
-void start_staged(Course& course, int prefix_images);
+void start_staged(Course& course);
 
 /// The minimum over everything, without outliers.
 void minimize_all(Course& course);

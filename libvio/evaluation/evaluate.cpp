@@ -22,10 +22,12 @@ std::string seconds_text(TimeNs t) {
 // Time is allowed to jitter; one missing row makes an interval of twice the median.
 constexpr double kGapIntervals = 2.5;
 
-double default_max_gap(const std::vector<TimedPose>& truth) {
+// Of rows in the order of time; 0 for fewer than two.
+template <typename Row>
+TimeNs median_interval(const std::vector<Row>& rows) {
     std::vector<TimeNs> intervals;
-    for (size_t i = 1; i < truth.size(); ++i) intervals.push_back(truth[i].t - truth[i - 1].t);
-    return kGapIntervals * to_seconds(median(std::move(intervals)));
+    for (size_t i = 1; i < rows.size(); ++i) intervals.push_back(rows[i].t - rows[i - 1].t);
+    return intervals.empty() ? 0 : median(std::move(intervals));
 }
 
 std::vector<TruthGap> gaps(const std::vector<TimedPose>& truth,
@@ -42,7 +44,8 @@ std::vector<TruthGap> gaps(const std::vector<TimedPose>& truth,
 
 void settle_time(const std::vector<TimedPose>& estimate, const std::vector<TimedPose>& truth,
                  const EvaluationOptions& options, Evaluation& e) {
-    e.max_gap_s = options.max_gap_s ? *options.max_gap_s : default_max_gap(truth);
+    e.max_gap_s =
+        options.max_gap_s ? *options.max_gap_s : kGapIntervals * to_seconds(median_interval(truth));
     e.time_offset_s = options.time_offset_s;
     if (options.time_offset_search_s <= 0) return;
     const auto offset =
@@ -61,9 +64,7 @@ void settle_time(const std::vector<TimedPose>& estimate, const std::vector<Timed
 // than the next would be.
 std::vector<PosePair> nearest_pairs(const std::vector<PosePair>& pairs, std::vector<double> at_s,
                                     TimeNs origin) {
-    std::vector<TimeNs> steps;
-    for (size_t i = 1; i < pairs.size(); ++i) steps.push_back(pairs[i].t - pairs[i - 1].t);
-    const TimeNs reach = steps.empty() ? 0 : median(std::move(steps));
+    const TimeNs reach = median_interval(pairs);
     std::sort(at_s.begin(), at_s.end());
     std::vector<PosePair> chosen;
     for (const double at : at_s) {

@@ -56,6 +56,29 @@ FilterState some_state(std::mt19937& random, CoreKind kind, bool invariant) {
     return state;
 }
 
+/// The same with as many landmarks as asked for, anchored in all clones.
+FilterState state_of_landmarks(std::mt19937& random, bool invariant, int count) {
+    FilterState state = some_state(random, CoreKind::inertial, invariant);
+    state.marginalise({true, true, true, true});
+    std::vector<LandmarkState> landmarks(count);
+    for (int i = 0; i < count; ++i) {
+        landmarks[i].anchor = i % 3;
+        landmarks[i].point.x = {0.1, -0.2, 0.4};
+    }
+    state.start_landmarks(landmarks, random_covariance(random, state.window_size() + 3 * count));
+    return state;
+}
+
+PointRows random_rows(std::mt19937& random, int landmark_idx, double residual) {
+    PointRows rows;
+    rows.landmark_idx = landmark_idx;
+    rows.residual = residual * random_matrix(random, 2, 1);
+    rows.J_pose = random_matrix(random, 2, 6);
+    rows.J_anchor = random_matrix(random, 2, 6);
+    rows.J_landmark = random_matrix(random, 2, 3);
+    return rows;
+}
+
 TEST(IekfLinear, UpdateEqualsInformationSolution) {
     std::mt19937 random(1);
     FilterState state = some_state(random, CoreKind::inertial, false);
@@ -78,23 +101,13 @@ TEST(IekfLinear, UpdateEqualsInformationSolution) {
 TEST(IekfLinear, LandmarkUpdateEqualsInformationSolution) {
     constexpr int kLandmarks = 75;
     std::mt19937 random(4);
-    FilterState state = some_state(random, CoreKind::inertial, false);
-    state.marginalise({true, true, true, true});
-    std::vector<LandmarkState> landmarks(kLandmarks);
-    for (int i = 0; i < kLandmarks; ++i) landmarks[i].anchor = i % 3;
-    const int w = state.window_size(), n = w + 3 * kLandmarks;
-    state.start_landmarks(landmarks, random_covariance(random, n));
+    FilterState state = state_of_landmarks(random, false, kLandmarks);
     const MatrixXd P = state.covariance();
     std::vector<PointRows> rows;
-    MatrixXd H = MatrixXd::Zero(2 * kLandmarks, n);
+    MatrixXd H = MatrixXd::Zero(2 * kLandmarks, state.size());
     VectorXd r(2 * kLandmarks);
     for (int i = 0; i < kLandmarks; ++i) {
-        PointRows row;
-        row.landmark_idx = (7 * i) % kLandmarks;  // in no order
-        row.residual = 1e-6 * random_matrix(random, 2, 1);
-        row.J_pose = random_matrix(random, 2, 6);
-        row.J_anchor = random_matrix(random, 2, 6);
-        row.J_landmark = random_matrix(random, 2, 3);
+        const PointRows row = random_rows(random, (7 * i) % kLandmarks, 1e-6);  // in no order
         const int anchor = state.landmarks()[row.landmark_idx].anchor;
         H.block<2, 6>(2 * i, 0) = row.J_pose;
         H.block<2, 6>(2 * i, state.clone_offset(anchor)) = row.J_anchor;
@@ -118,22 +131,9 @@ TEST(IekfLinear, LandmarkUpdateEqualsInformationSolution) {
 TEST(IekfUpdate, DoesNotDependOnTheOrderOfItsRows) {
     constexpr int kLandmarks = 75;
     std::mt19937 random(5);
-    FilterState one = some_state(random, CoreKind::inertial, true);
-    one.marginalise({true, true, true, true});
-    std::vector<LandmarkState> landmarks(kLandmarks);
-    for (int i = 0; i < kLandmarks; ++i) {
-        landmarks[i].anchor = i % 3;
-        landmarks[i].point.x = {0.1, -0.2, 0.4};
-    }
-    one.start_landmarks(landmarks, random_covariance(random, one.window_size() + 3 * kLandmarks));
-    std::vector<PointRows> rows(kLandmarks);
-    for (int i = 0; i < kLandmarks; ++i) {
-        rows[i].landmark_idx = i;
-        rows[i].residual = random_matrix(random, 2, 1);
-        rows[i].J_pose = random_matrix(random, 2, 6);
-        rows[i].J_anchor = random_matrix(random, 2, 6);
-        rows[i].J_landmark = random_matrix(random, 2, 3);
-    }
+    FilterState one = state_of_landmarks(random, true, kLandmarks);
+    std::vector<PointRows> rows;
+    for (int i = 0; i < kLandmarks; ++i) rows.push_back(random_rows(random, i, 1));
     FilterState other = one;
     const auto update = [&](FilterState& state) {
         return state.update([&](const VectorXd&, std::vector<PointRows>* out) { *out = rows; }, 2);
