@@ -19,11 +19,7 @@ class Batch final : public Estimator {
         if (!request.fiducials_file.empty())
             problem_.fiducials = read_fiducials(request.fiducials_file);
         if (!request.start_folder.empty()) start_ = read_results(request.start_folder);
-        const bool automatic = options_.start == "auto" && problem_.fiducials.empty();
-        if ((!automatic && options_.start != "iekf") || start_) return;
-        if (!problem_.fiducials.empty())
-            throw InputError(
-                "--start iekf knows no fiducials: its path is not in their frame; use staged");
+        if ((options_.start != "auto" && options_.start != "iekf") || start_) return;
         starter_.emplace(rig, request.options.iekf, options_, request.use_imu);
     }
 

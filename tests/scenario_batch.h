@@ -43,11 +43,15 @@ struct Errors {
     double rotation = 0, position = 0, worst_position = 0, scale = 0;  // rad, m, m, share
 };
 
-/// After a similarity alignment, as the paper's metrics.
+/// After a similarity alignment, as the paper's metrics. The estimate may lack images.
 inline Errors errors_of(const Estimate& estimate, const Estimate& truth) {
     std::vector<TimedPose> a, b;
-    for (const StateEstimate& s : estimate.states) a.push_back({s.t, s.T_W_B});
-    for (const StateEstimate& s : truth.states) b.push_back({s.t, s.T_W_B});
+    auto s = truth.states.begin();
+    for (const StateEstimate& found : estimate.states) {
+        while (s->t != found.t) ++s;
+        a.push_back({found.t, found.T_W_B});
+        b.push_back({s->t, s->T_W_B});
+    }
     Eigen::Matrix3Xd from(3, a.size()), to(3, b.size());
     for (size_t i = 0; i < a.size(); ++i) {
         from.col(static_cast<Eigen::Index>(i)) = a[i].T_W_B.p;

@@ -123,7 +123,8 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
     course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);
-    if (options.covariances) judge_solution(course, objective, equations, singular, result.report);
+    if (!options.covariances) singular = !equations.factorize();
+    judge_solution(course, objective, equations, singular, result.report);
     return result;
 }
 

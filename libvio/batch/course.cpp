@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "libvio/batch/growth.h"
 #include "libvio/batch/start.h"
 
 namespace vio::batch {
@@ -135,6 +137,24 @@ bool drop_outliers(Course& course) {
     return any;
 }
 
+// The paper's start, and where that ends with more cost than noise explains, a second one.
+void start_with_readings(Course& course) {
+    const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
+    if (cost <= explained_cost(course.model)) return;
+    State first = std::move(course.state);
+    if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
+        course.state = std::move(first);
+}
+
+// Images alone have many minima: only where no two of them tell a motion is there nothing better
+// than the paper's start.
+void start_with_images(Course& course) {
+    if (auto grown = grow_from_two_views(course.model, course.options))
+        course.state = std::move(*grown);
+    else
+        minimize_from_nothing(course, blind_start(course.model, course.options));
+}
+
 }  // namespace
 
 bool gravity_known(const Course& course) {
@@ -149,12 +169,10 @@ void fix_gravity_norm(Course& course) {
 
 void start_blind(Course& course, int images) {
     course.model = make_model(course.problem, course.options, images, 2);
-    const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
-    if (course.model.inertial && !(cost <= explained_cost(course.model))) {
-        State first = std::move(course.state);
-        if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
-            course.state = std::move(first);
-    }
+    if (course.model.inertial)
+        start_with_readings(course);
+    else
+        start_with_images(course);
     fix_gravity_norm(course);
     free_trapped_points(course);
 }

@@ -23,9 +23,9 @@ bool gravity_known(const Course& course);
 /// Puts gravity's norm where it belongs; the minimisation that follows settles the rest.
 void fix_gravity_norm(Course& course);
 
-/// From nothing, the first `images` at once: the paper's start, and where that ends with more cost
-/// than noise explains, a second one that lets the cameras turn as the gyro says; the better of the
-/// two.
+/// From nothing, the first `images` at once. With readings: the paper's start, and where that ends
+/// with more cost than noise explains, a second one that lets the cameras turn as the gyro says;
+/// the better of the two. Images alone: grown from two views, or else the paper's start.
 void start_blind(Course& course, int images);
 
 /// Grows the estimate from a blind start of a prefix to all images, by a quarter at a time.

@@ -48,6 +48,7 @@ std::vector<int> ordered(const Lists& graph, const std::vector<int>& dims,
     std::vector<int> first_node(n + 1, 0);
     for (int k = 0; k < n; ++k) first_node[k + 1] = first_node[k] + dims[k] / unit;
     std::vector<int> starts{0}, rows, constraint, block_of;
+    rows.reserve(1);  // nothing coupled at all is no missing array
     for (int k = 0; k < n; ++k)
         for (int node = first_node[k]; node < first_node[k + 1]; ++node) {
             for (int other = first_node[k]; other < first_node[k + 1]; ++other)

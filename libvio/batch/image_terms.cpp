@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "libvio/batch/objective.h"
@@ -176,6 +177,55 @@ void Objective::settle_points(const State& from, State& state) const {
             if (!(settle_point(j, state) < cost)) state.points[j] = stepped;
         }
     });
+}
+
+Objective::OnePose Objective::one_pose(const State& state,
+                                       const std::vector<int>& observations) const {
+    OnePose sums;
+    for (const int k : observations) {
+        const Observation& observation = model_.observations[k];
+        const InertialState& I = state.frames[observation.frame_idx].motion;
+        const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
+        const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
+            const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
+            const auto J_I = (J_C * T_C_I_.R).eval();
+            Eigen::Matrix<double, std::decay_t<decltype(r)>::RowsAtCompileTime, 6> J;
+            J << J_I * so3::skew(p_I), -J_I * I.R.transpose();
+            sums.H.noalias() += w * J.transpose() * J;
+            sums.g.noalias() += w * J.transpose() * r;
+            sums.cost += robust(distance2);
+        });
+        if (!pulls) sums.cost += robust(largest_distance2_);
+    }
+    return sums;
+}
+
+void Objective::settle_pose(int frame, const std::vector<int>& observations, State& state) const {
+    constexpr size_t kFewest = 4;
+    constexpr int kSteps = 30;
+    constexpr double kWorth = 1e-2;  // what a step must promise to take off the cost
+    if (observations.size() < kFewest) return;
+    InertialState& pose = state.frames[frame].motion;
+    double lambda = 1e-4;
+    OnePose sums = one_pose(state, observations);
+    for (int step = 0; step < kSteps; ++step) {
+        Matrix6d H = sums.H;
+        H.diagonal() *= 1 + lambda;
+        const Vector6d d = -H.ldlt().solve(sums.g);
+        if (!d.allFinite() || -d.dot(sums.g) < kWorth) break;
+        const InertialState kept = pose;
+        const Pose moved = Pose{pose.R, pose.p}.boxplus(d);
+        pose.R = moved.R;
+        pose.p = moved.p;
+        OnePose now = one_pose(state, observations);
+        if (now.cost < sums.cost) {
+            sums = std::move(now);
+            lambda /= 10;
+        } else {
+            pose = kept;
+            lambda *= 10;
+        }
+    }
 }
 
 double Objective::linearize_image(const State& state, NormalEquations& eq) {

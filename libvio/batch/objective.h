@@ -82,6 +82,10 @@ class Objective {
     /// stage is truncated: what images want says nothing yet.
     void settle_points(const State& from, State& state) const;
 
+    /// Moves an image's pose to where the points that `observations` (of this image, by index) see
+    /// want it, these as they are. It stays where fewer than four are given.
+    void settle_pose(int frame, const std::vector<int>& observations, State& state) const;
+
     /// Derivative of g_W wrt its unknowns: two rotations about axes across it when its norm is
     /// fixed (third column zero), the identity when it is free.
     Eigen::Matrix3d gravity_jacobian(const Eigen::Vector3d& gravity) const;
@@ -130,6 +134,13 @@ class Objective {
         double cost = 0;
     };
     PointSums point_sums(const State& state, int point_idx) const;
+    // Of a pose alone.
+    struct OnePose {
+        Matrix6d H = Matrix6d::Zero();
+        Vector6d g = Vector6d::Zero();
+        double cost = 0;
+    };
+    OnePose one_pose(const State& state, const std::vector<int>& observations) const;
     double settle_point(int point_idx, State& state) const;  // returns what it costs then
     // Adds one observation with N residual components: residual and derivative wrt p_C, whitened.
     template <int N>

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "libvio/base/median.h"
 
@@ -11,6 +12,7 @@ namespace vio::batch {
 namespace {
 
 constexpr double kScaleSigma = 0.5, kGravitySigma = 10 * M_PI / 180, kRangeSigma = 0.5;
+constexpr double kMotionAngle = 10 * M_PI / 180, kMotionShare = 0.5;
 
 std::string with_figure(const char* format, double a, double b = 0) {
     char text[200];
@@ -57,6 +59,61 @@ Count uncertain_ranges(const Model& model, const State& state, const NormalEquat
     return count;
 }
 
+// Two parts of image-only motion are one only by the points that both see: three leave several
+// solutions, and the fourth must tell them apart. Names the cut with the fewest; empty: none.
+std::string loose_joint(const Model& model) {
+    constexpr int kJoining = 4;
+    std::vector<int> change(model.frames() + 1, 0);  // of the points that join i - 1 and i
+    for (const Point& point : model.points) {
+        int first = -1, last = -1;
+        for (int k = point.first_observation; k < point.first_observation + point.observation_count;
+             ++k) {
+            if (!model.observations[k].active) continue;
+            last = model.observations[k].frame_idx;
+            if (first < 0) first = last;
+        }
+        if (first < 0) continue;
+        ++change[first + 1];
+        --change[last + 1];
+    }
+    int joining = 0, fewest = kJoining, at = 0;
+    for (int i = 1; i < model.frames(); ++i) {
+        joining += change[i];
+        if (joining >= fewest) continue;
+        fewest = joining;
+        at = i;
+    }
+    if (fewest == kJoining) return {};
+    return with_figure(
+        "the motion from %.2f s after the first image on, seen from before (%.0f points join them)",
+        to_seconds(model.times[at] - model.times[0]), fewest);
+}
+
+// Of images spread over image-only motion, the first whose pose seen from the first image is hardly
+// known; empty: none.
+std::string loose_motion(const Model& model, const State& state, const NormalEquations& equations) {
+    constexpr int kImages = 8;
+    const Layout& layout = equations.layout();
+    double extent = 0;
+    for (const State::Frame& frame : state.frames)
+        extent = std::max(extent, (frame.motion.p - state.frames[0].motion.p).norm());
+    for (int k = 1; k <= kImages; ++k) {
+        const int i = (model.frames() - 1) * k / kImages;
+        if (i == 0) continue;
+        Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations.matrix.size(), 6);
+        E.middleRows<6>(layout.index(i, 0)).setIdentity();
+        const Matrix6d C = E.transpose() * equations.factor().solve(E);
+        const double rotation = std::sqrt(C.topLeftCorner<3, 3>().trace()),
+                     position = std::sqrt(C.bottomRightCorner<3, 3>().trace()) / extent;
+        if (!(rotation < kMotionAngle) || !(position < kMotionShare))
+            return with_figure(
+                "the motion up to an image, known to %.0f degrees and %.0f %% of "
+                "the path's extent (too few points join its parts)",
+                rotation * 180 / M_PI, 100 * position);
+    }
+    return {};
+}
+
 }  // namespace
 
 Observability judge(const Model& model, const Objective& objective, const State& state,
@@ -67,7 +124,13 @@ Observability judge(const Model& model, const Objective& objective, const State&
         result.undetermined.push_back(
             with_figure("the distances of %.0f of %.0f points (the camera hardly moves sideways)",
                         ranges.uncertain, ranges.all));
-    if (!model.inertial || model.surveyed()) return result;
+    if (model.surveyed()) return result;
+    if (!model.inertial) {
+        std::string loose = loose_joint(model);
+        if (loose.empty()) loose = loose_motion(model, state, equations);
+        if (!loose.empty()) result.undetermined.push_back(std::move(loose));
+        return result;
+    }
     result.scale_sigma = scale_deviation(model, state, equations);
     if (!(result.scale_sigma < kScaleSigma))
         result.undetermined.push_back(

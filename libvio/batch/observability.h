@@ -20,7 +20,8 @@ struct Observability {
 
 /// Judges the solution `state`, at which `equations` are linearised and factorised (undamped).
 /// A quantity counts as undetermined when its standard deviation exceeds: scale 50 %, gravity's
-/// direction 10 degrees; points: when most have a distance that is uncertain by half even with the
+/// direction 10 degrees; of image-only motion an image's rotation 10 degrees or its position half
+/// the path's extent; points: when most have a distance that is uncertain by half even with the
 /// cameras' poses known.
 Observability judge(const Model& model, const Objective& objective, const State& state,
                     const NormalEquations& equations);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "libvio/base/median.h"
+#include "libvio/geometry/alignment.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/geometry/triangulation.h"
 
@@ -102,20 +103,11 @@ std::vector<int> points_at_infinity(const Model& model, const State& state) {
     return result;
 }
 
-namespace {
-
-// Positions that are known already, and all others: triangulated, or else backprojected to the
-// points' median distance.
-void place_around(const Model& model, const std::map<FeatureId, Eigen::Vector3d>& positions,
-                  State& state) {
+void place_other_points(const Model& model, std::vector<bool> placed, State& state) {
     constexpr double kWithoutAny = 1;  // [m]: nothing tells a distance
-    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
-    std::vector<bool> placed(model.points.size(), false);
     for (size_t j = 0; j < model.points.size(); ++j) {
-        const auto known = positions.find(model.points[j].id);
-        const std::optional<Eigen::Vector3d> point =
-            known != positions.end() ? known->second
-                                     : triangulate_point(model, state, model.points[j]);
+        if (placed[j]) continue;
+        const auto point = triangulate_point(model, state, model.points[j]);
         if (!point) continue;
         state.points[j] = *point;
         placed[j] = true;
@@ -125,9 +117,20 @@ void place_around(const Model& model, const std::map<FeatureId, Eigen::Vector3d>
         if (!placed[j]) state.points[j] = backprojected(model, state, model.points[j], range);
 }
 
-}  // namespace
-
 namespace {
+
+// Points whose positions are known already, and all others around them.
+void place_around(const Model& model, const std::map<FeatureId, Eigen::Vector3d>& positions,
+                  State& state) {
+    state.points.assign(model.points.size(), Eigen::Vector3d::Zero());
+    std::vector<bool> placed(model.points.size(), false);
+    for (size_t j = 0; j < model.points.size(); ++j)
+        if (const auto known = positions.find(model.points[j].id); known != positions.end()) {
+            state.points[j] = known->second;
+            placed[j] = true;
+        }
+    place_other_points(model, std::move(placed), state);
+}
 
 // The state after a known one, by the readings between them; without any, at constant velocity.
 State::Frame next_frame(const Model& model, const State& state, int i) {
@@ -155,6 +158,50 @@ State::Frame previous_frame(const Model& model, const State& state, int i) {
     m.v -= state.gravity * T + m.R * delta.v;
     m.p -= m.v * T + state.gravity * (T * T / 2) + m.R * delta.p;
     return previous;
+}
+
+// A start may stand in another frame than the survey: moves it so that the surveyed points, as its
+// poses see them, come to where they are. Those that stay far off are left out the second time.
+// Returns the motion; none where these points are too few.
+Similarity move_to_survey(const Model& model, State& state) {
+    constexpr double kFar = 3;  // times the median
+    std::vector<Eigen::Vector3d> seen, given;
+    for (const Point& point : model.points)
+        if (point.fiducial)
+            if (const auto p = triangulate_point(model, state, point)) {
+                seen.push_back(*p);
+                given.push_back(point.fiducial->p_W);
+            }
+    Similarity S;
+    for (int round = 0; round < 2; ++round) {
+        if (seen.size() < 3) return {};
+        const auto columns = [](const std::vector<Eigen::Vector3d>& list) -> Eigen::Matrix3Xd {
+            return Eigen::Map<const Eigen::Matrix3Xd>(list.front().data(), 3,
+                                                      static_cast<Eigen::Index>(list.size()));
+        };
+        const Alignment alignment = align(columns(seen), columns(given), AlignmentKind::kSE3);
+        if (alignment.status != AlignmentStatus::kDetermined) return {};
+        S = alignment.S_G_E;
+        std::vector<double> off;
+        for (size_t k = 0; k < seen.size(); ++k) off.push_back((S * seen[k] - given[k]).norm());
+        const double limit = kFar * median(off);
+        size_t kept = 0;
+        for (size_t k = 0; k < seen.size(); ++k) {
+            if (off[k] > limit) continue;
+            seen[kept] = seen[k];
+            given[kept++] = given[k];
+        }
+        seen.resize(kept);
+        given.resize(kept);
+    }
+    for (State::Frame& frame : state.frames) {
+        InertialState& I = frame.motion;
+        I.R = so3::normalized(S.R * I.R);
+        I.p = S * I.p;
+        I.v = S.R * I.v;
+    }
+    state.gravity = S.R * state.gravity;
+    return S;
 }
 
 }  // namespace
@@ -203,7 +250,11 @@ State given_start(const Model& model, const Estimate& start) {
     for (int i = first + 1; i < model.frames(); ++i)
         if (!given[i]) state.frames[i] = next_frame(model, state, i - 1);
     std::map<FeatureId, Eigen::Vector3d> positions;
-    for (const LandmarkEstimate& landmark : start.landmarks) positions[landmark.id] = landmark.p_W;
+    const Similarity S = model.surveyed() ? move_to_survey(model, state) : Similarity{};
+    for (const LandmarkEstimate& landmark : start.landmarks)
+        positions[landmark.id] = S * landmark.p_W;
+    for (const Point& point : model.points)
+        if (point.fiducial) positions[point.id] = point.fiducial->p_W;
     place_around(model, positions, state);
     return state;
 }

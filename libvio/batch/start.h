@@ -15,9 +15,10 @@ State blind_start(const Model& model, const BatchOptions& options);
 /// The same, but the cameras turn as the gyro says. Needs inertial readings.
 State turning_start(const Model& model, const BatchOptions& options);
 
-/// Start from given states (within 1 ms of an image) and, where present, landmarks; images without
-/// a state follow from their neighbours' by the inertial readings, other points are triangulated.
-/// Throws InputError if no image has a state.
+/// Start from given states (within 1 ms of an image) and, where present, landmarks; with fiducials,
+/// moved to where these are as its poses see them. Images without a state follow from their
+/// neighbours' by the inertial readings, other points are triangulated. Throws InputError if no
+/// image has a state.
 State given_start(const Model& model, const Estimate& start);
 
 /// Continues a state of the model's first frames to all of them, by the inertial readings (or at
@@ -28,6 +29,10 @@ State continued_start(const Model& model, const Model& shorter, const State& kno
 /// small or the point comes to lie behind a camera.
 std::optional<Eigen::Vector3d> triangulate_point(const Model& model, const State& state,
                                                  const Point& point);
+
+/// Places the points that are not yet: triangulated, or else backprojected to the others' median
+/// distance.
+void place_other_points(const Model& model, std::vector<bool> placed, State& state);
 
 /// Points that lie many times farther from the first camera that sees them than points do in the
 /// middle, and that at least three images see (by index; fiducials never).
