@@ -235,9 +235,12 @@ void BoardDetector::find_checkerboard(const Look& look,
                                       std::vector<FeatureObservation>& corners) const {
     const int cols = board_.cols, rows = board_.rows;
     std::vector<cv::Point2f> p;
-    if (!cv::findChessboardCorners(
-            look.view, {cols, rows}, p,
-            cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK))
+    // By squares in one black and white image, which is quick and holds in bent images; else by
+    // sectors, which hold in uneven light and blur. (By squares at many thresholds takes a second
+    // where a board is seen in part, and finds fewer.)
+    if (!cv::findChessboardCorners(look.view, {cols, rows}, p, cv::CALIB_CB_FAST_CHECK) &&
+        !cv::findChessboardCornersSB(look.view, cv::Size(cols, rows), p,
+                                     cv::CALIB_CB_NORMALIZE_IMAGE))
         return;
     // Seen from the front, x and y turn the same way in every view.
     const cv::Point2f x = p[cols - 1] - p[0], y = p[(rows - 1) * cols] - p[0];

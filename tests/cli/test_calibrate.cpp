@@ -1,104 +1,18 @@
 // vio-slam calibrate: each kind from files to a calibration that `run` takes, and bad input.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/description.h"
-#include "libvio/camera/fisheye.h"
 #include "libvio/camera/mirror.h"
-#include "libvio/camera/perspective.h"
-#include "libvio/io/calibration_file.h"
 #include "libvio/io/rawlog_writer.h"
-#include "tests/board_images.h"
-#include "tests/cli/program.h"
+#include "tests/cli/calibrate.h"
 #include "tests/mirror_board.h"
 #include "tests/simulated_run.h"
-#include "tests/unit/scratch_folder.h"
 
 namespace vio::test {
 namespace {
-
-class Calibrate : public ::testing::Test {
- protected:
-    ProgramResult run(const std::string& arguments) {
-        return vio_slam("calibrate " + arguments, folder_.path().string());
-    }
-    std::string write(const std::string& name, const std::string& text) {
-        std::ofstream(folder_ / name) << text;
-        return folder_ / name;
-    }
-    void expect_error(const std::string& arguments, const std::vector<std::string>& words) {
-        expect_one_line(run(arguments), words, arguments);
-        EXPECT_FALSE(std::filesystem::exists(folder_ / "out.ini"));
-    }
-    std::string out() const { return " -o " + folder_ / "out.ini"; }
-    Rig written() const {
-        Rig rig;
-        load_calibration(folder_ / "out.ini", rig);
-        return rig;
-    }
-
-    ScratchFolder folder_;
-};
-
-// Largest distance in the image between a camera's pixels and another's image of their rays, after
-// the best common rotation, which a calibration cannot tell from the poses'.
-double largest_difference_px(const Camera& a, const Camera& b) {
-    std::vector<Eigen::Vector2d> pixels;
-    Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
-    for (int v = 0; v < a.height(); v += 20)
-        for (int u = 0; u < a.width(); u += 20) {
-            const auto ray_a = a.ray({u, v}), ray_b = b.ray({u, v});
-            if (!ray_a || !ray_b) continue;
-            pixels.emplace_back(u, v);
-            M += ray_b->direction * ray_a->direction.transpose();
-        }
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
-    double largest = 0;
-    for (const Eigen::Vector2d& uv : pixels)
-        if (const auto other = b.project(R * a.ray(uv)->direction))
-            largest = std::max(largest, (*other - uv).norm());
-    return largest;
-}
-
-TEST_F(Calibrate, CameraFromAFolderOfCheckerboardImages) {
-    const PerspectiveCamera truth({640, 480, 520, 522, 325, 236, {-0.2, 0.08, 3e-4, -2e-4}});
-    const CheckerboardPattern pattern;
-    const BoardRenderer renderer(truth, pattern, 3);
-    const std::string images = folder_ / "images";
-    std::filesystem::create_directory(images);
-    const auto poses = poses_before(0.42, 0.24, false, 14, 0.4, 0.6, 2);
-    for (std::size_t k = 0; k < poses.size(); ++k)
-        cv::imwrite(images + "/" + std::to_string(100 + k) + ".png", renderer.image(poses[k], k));
-    const std::string board = write("target.yaml",
-                                    "target_type: 'checkerboard'\ntargetCols: 8\ntargetRows: 5\n"
-                                    "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n");
-    const ProgramResult result =
-        run("camera " + images + " --board " + board + " --distortion 4" + out());
-    ASSERT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_NE(result.out.find("covariance"), std::string::npos);
-    EXPECT_NE(result.out.find("coverage"), std::string::npos);
-    EXPECT_LT(largest_difference_px(truth, *written().camera), 1) << result.out;
-
-    std::filesystem::remove(folder_ / "out.ini");
-    expect_error(
-        "camera " + images + " --board " + board + " --model fisheye --distortion 8" + out(),
-        {"fisheye", "4"});
-    const std::string blank = folder_ / "blank";
-    std::filesystem::create_directory(blank);
-    cv::imwrite(blank + "/1.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
-    expect_error("camera " + blank + " --board " + board + out(), {blank, "no corner"});
-    cv::imwrite(blank + "/2.png", cv::Mat(240, 640, CV_8UC1, cv::Scalar(128)));
-    expect_error("camera " + blank + " --board " + board + out(), {"2.png", "640 x 240"});
-    expect_error("camera " + folder_ / "nowhere" + " --board " + board + out(), {"nowhere"});
-    const std::string empty = folder_ / "empty";
-    std::filesystem::create_directory(empty);
-    expect_error("camera " + empty + " --board " + board + out(), {"empty", "no images"});
-}
 
 TEST_F(Calibrate, BadBoardsAreOneLine) {
     const std::string images = folder_.path().string();
@@ -120,29 +34,6 @@ TEST_F(Calibrate, BadBoardsAreOneLine) {
                  {"c.yaml", "tagCols"});
     expect_error("camera " + images + " --board " + write("d.csv", "# nothing\n") + out(),
                  {"d.csv"});
-}
-
-// A fisheye camera before an AprilGrid, in a rawlog without calibration.
-TEST_F(Calibrate, FisheyeCameraFromARawlogOfAprilGridImages) {
-    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
-    const FisheyeCamera truth({480, 480, 155, 156, 243, 237, {0.01, -0.008, 2e-3, -3e-4}, 1.5});
-    const AprilGridPattern pattern;
-    const BoardRenderer renderer(truth, pattern, 3);
-    const std::string rawlog = folder_ / "images.rawlog";
-    RawlogWriter writer(rawlog, Rig{});
-    const auto poses = poses_before(0.55, 0.44, true, 12, 0.15, 0.35, 5);
-    for (std::size_t k = 0; k < poses.size(); ++k)
-        writer.write(ImageMessage{1'600'000'000'000'000'000 + static_cast<TimeNs>(k) * 100'000'000,
-                                  renderer.image(poses[k], k)});
-    writer.finish();
-    const std::string board = write("target.yaml",
-                                    "target_type: 'aprilgrid'\ntagCols: 5\ntagRows: 4\n"
-                                    "tagSize: 0.088\ntagSpacing: 0.3\n");
-    const ProgramResult result =
-        run("camera " + rawlog + " --board " + board + " --model fisheye" + out());
-    ASSERT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_EQ(written().camera->model_name(), "fisheye");
-    EXPECT_LT(largest_difference_px(truth, *written().camera), 1) << result.out;
 }
 
 // The corners of a board as features, and readings of a hand-held IMU.

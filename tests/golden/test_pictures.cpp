@@ -1,41 +1,12 @@
-// Pictures look as they did: compared with stored ones as an eye would, not bit by bit, since
-// OpenGL drivers round differently. VIO_UPDATE_PICTURES=1 stores them anew (look at them before a
-// commit).
-#include <gtest/gtest.h>
-
+// Pictures look as they did.
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "gui_offscreen/framing.h"
 #include "gui_offscreen/scene.h"
-#include "gui_offscreen/snapshot.h"
+#include "tests/golden/pictures.h"
 
-namespace vio {
+namespace vio::test {
 namespace {
-
-/// Share of the pixels whose colours differ visibly (by more than 6 of CIELAB, where 2.3 is just
-/// noticeable side by side), once what is finer than the eye resolves at a normal size is blurred.
-double visible_difference(const cv::Mat& a, const cv::Mat& b) {
-    if (a.size() != b.size()) return 1;
-    const auto seen = [](const cv::Mat& image) {
-        cv::Mat lab;
-        image.convertTo(lab, CV_32F, 1.0 / 255);
-        cv::GaussianBlur(lab, lab, {}, 1.5);
-        cv::cvtColor(lab, lab, cv::COLOR_BGR2Lab);
-        return lab;
-    };
-    const cv::Mat p = seen(a), q = seen(b);
-    int different = 0;
-    for (int y = 0; y < p.rows; ++y)
-        for (int x = 0; x < p.cols; ++x)
-            different += cv::norm(p.at<cv::Vec3f>(y, x) - q.at<cv::Vec3f>(y, x)) > 6;
-    return double(different) / double(p.total());
-}
-
-constexpr double kAlike = 0.002;
 
 /// A figure of eight before a wall, with a lost stretch; the same on every machine.
 Estimate eight() {
@@ -91,22 +62,11 @@ Snapshot drawn(const Case& c, const Estimate& estimate, double turn = 0) {
     return render_snapshot(build_scene(estimate, scene, truth(eight())), picture);
 }
 
-std::string stored(const Case& c) {
-    return std::string(VIO_SOURCE_DIR "/tests/golden/pictures/") + c.name + ".png";
-}
-
 TEST(Pictures, LookAsStored) {
     for (const Case& c : kCases) {
         const Snapshot snapshot = drawn(c, eight());
         if (!snapshot.problem.empty()) GTEST_SKIP() << snapshot.problem;
-        if (std::getenv("VIO_UPDATE_PICTURES")) save_image(snapshot.image, stored(c));
-        const cv::Mat expected = cv::imread(stored(c));
-        ASSERT_FALSE(expected.empty()) << stored(c);
-        const double difference = visible_difference(snapshot.image, expected);
-        const std::string seen = std::filesystem::temp_directory_path() /
-                                 (std::string("vio_picture_") + c.name + ".png");
-        if (difference > kAlike) save_image(snapshot.image, seen);
-        EXPECT_LE(difference, kAlike) << c.name << ": compare " << seen << " with " << stored(c);
+        expect_as_stored(snapshot.image, c.name);
     }
 }
 
@@ -138,4 +98,4 @@ TEST(Pictures, TheComparisonSeesWhatAnEyeSees) {
 }
 
 }  // namespace
-}  // namespace vio
+}  // namespace vio::test
