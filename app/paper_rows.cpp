@@ -292,6 +292,16 @@ Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int c
     return result;
 }
 
+Plot seen_from_above(const std::string& title, const std::vector<Series>& series) {
+    Plot plot;
+    plot.title = title;
+    plot.x_label = "x [m]", plot.y_label = "y [m]";
+    plot.equal_axes = true;
+    plot.height = 480;
+    plot.series = series;
+    return plot;
+}
+
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments) {
     return "\"" + setup.datasets + "/" + name +
@@ -337,7 +347,8 @@ std::string own_filter(int prefix, int sigma_px) {
 const std::vector<Exhibit>& exhibits() {
     static const std::vector<Exhibit> all = [] {
         std::vector<Exhibit> list = arm_exhibits();
-        for (const Exhibit& exhibit : other_exhibits()) list.push_back(exhibit);
+        for (const auto& exhibits : {omni_exhibits(), other_exhibits()})
+            list.insert(list.end(), exhibits.begin(), exhibits.end());
         return list;
     }();
     return all;

@@ -67,6 +67,9 @@ struct Paths {
 Paths paths(const Outcome& outcome, int a, int b, const std::string& name, int colour,
             const std::vector<double>& at_s = {});
 
+/// Such paths, x to the right and y up.
+Plot seen_from_above(const std::string& title, const std::vector<Series>& series);
+
 /// A recording of the scenario with seed 1, 2 ...; further arguments of `simulate` follow.
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments = "");
@@ -87,8 +90,9 @@ std::string paper_filter(const std::string& rate_variance, const std::string& ac
 /// This project's filter, driven by the inertial readings, told of features' errors [px].
 std::string own_filter(int prefix, int sigma_px = 2);
 
-/// The exhibits of sections 7, and 8-10.
+/// The exhibits of sections 7, 8, and 9-10.
 std::vector<Exhibit> arm_exhibits();
+std::vector<Exhibit> omni_exhibits();
 std::vector<Exhibit> other_exhibits();
 
 }  // namespace vio::app

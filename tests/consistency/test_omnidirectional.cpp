@@ -24,12 +24,25 @@ TEST(OmnidirectionalArm, BatchIsAtLeastAsGoodAsThePaperWithARigidMirror) {
     }
 }
 
+// Section 8.4: "the use of inertial measurements ... eliminates these perturbations", which the
+// vibration makes in the estimate from images alone. Cells of Table 8, over recordings.
 TEST(OmnidirectionalArm, BatchSurvivesTheVibrationOfTheMirror) {
-    const Arm arm(scenario("omnidirectional_arm_1"));
-    const ArmErrors e = arm.errors(arm.batch(true).estimate);
-    EXPECT_LT(e.rotation, 0.12);
-    EXPECT_LT(e.rotation_max, 0.15);
-    EXPECT_LT(e.position, 0.034);
+    constexpr int kSeeds = 4;
+    ArmErrors mean;
+    double images_alone = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+        const Arm arm(scenario("omnidirectional_arm_1"), seed);
+        const Estimate batch = arm.batch(true).estimate;
+        const ArmErrors e = arm.errors(batch);
+        EXPECT_TRUE(e.complete) << seed;
+        EXPECT_LT(e.rotation_max, 0.15) << seed;
+        mean.rotation += e.rotation / kSeeds;
+        mean.position += e.position / kSeeds;
+        images_alone += arm.errors(arm.batch(false, batch).estimate).position / kSeeds;
+    }
+    EXPECT_LT(mean.rotation, 0.12);
+    EXPECT_LT(mean.position, 0.034);
+    EXPECT_LT(2 * mean.position, images_alone);
 }
 
 // Same motion, same pixel noise, as many points. The mirror has a single viewpoint here: without
