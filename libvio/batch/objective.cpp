@@ -170,7 +170,7 @@ Cost Objective::linearize(const State& state, NormalEquations& equations) {
 
 bool undetermined(const Eigen::Matrix3d& V) {
     const double mean = V.trace() / 3;
-    return !(V.determinant() > 1e-9 * mean * mean * mean);
+    return !(V.determinant() > 1e-12 * mean * mean * mean);
 }
 
 Eigen::Vector3d displaced(const Eigen::Vector3d& line, const Eigen::Vector3d& d) {

@@ -209,10 +209,10 @@ TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
     }
 }
 
-// Images alone have many minima, most of them within a few percent of the least cost. Three paths
-// on which a start with all cameras at the origin ends in one of these.
+// Images alone have many minima, most of them within a few percent of the least cost. Two paths on
+// which a start with all cameras at the origin ends in one of these.
 TEST(BlindStart, LeadsToTheTruthWithImagesAlone) {
-    for (const auto& [span, seed] : {std::pair{180, 3U}, {180, 1U}, {270, 6U}}) {
+    for (const auto& [span, seed] : {std::pair{180, 3U}, {180, 1U}}) {
         const test::SimulatedRun run = test::simulate_run(test::turning_run(span, seed));
         BatchOptions options;
         options.start = "blind";
