@@ -5,6 +5,7 @@
 #include <map>
 
 #include "libvio/base/median.h"
+#include "libvio/camera/mirror.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/tracking/rigid_window.h"
 
@@ -24,6 +25,7 @@ constexpr int kHypotheses = 100;
 constexpr double kFinestPx = 0.1;     // no feature is placed better
 constexpr double kModelError = 5e-4;  // [rad] of lens and gyro
 constexpr double kLeastKnown = 1;     // [rad]
+constexpr int kApart = 5;             // images, to compare angles: noise would outweigh less motion
 
 std::vector<FeatureRay> rays_of(const Camera& camera, const FeatureFrame& frame) {
     std::vector<FeatureRay> rays;
@@ -112,6 +114,29 @@ std::vector<ImageRotation> ImageRotations::from_pairs(const Camera& camera, int 
         }
     });
     return result;
+}
+
+std::optional<AngularScale> ImageRotations::angular_scale(const Camera& camera, int most) const {
+    const double pixel = camera.angular_resolution();
+    TwoViewOptions options;
+    options.threshold = kStretchPx * pixel;
+    options.max_hypotheses = kHypotheses;
+    const int images = static_cast<int>(frames_.size());
+    const int step = std::max(1, (images + most - 1) / std::max(1, most));
+    std::vector<RayViews> views;
+    for (int i = 0; i + kApart < images; i += step) {
+        const FeatureFrame &first = frames_[i], &second = frames_[i + kApart];
+        if (to_seconds(second.t - first.t) > kLongest) continue;
+        const std::vector<RayPair> pairs =
+            pairs_of(rays_of(camera, first), rays_of(camera, second));
+        if (static_cast<int>(pairs.size()) < kFewestPairs) continue;
+        const auto motion = estimate_two_view(pairs, std::nullopt, options);
+        if (motion && 2 * motion->inliers >= static_cast<int>(pairs.size()))
+            views.push_back({pairs, *motion});
+    }
+    // The middle of a mirror's image shows what lies behind the camera.
+    const double axis = dynamic_cast<const MirrorCamera*>(&camera) ? -1 : 1;
+    return fit_angular_scale(std::move(views), axis, kFinestPx * pixel);
 }
 
 std::vector<ImageRotation> ImageRotations::from_stretches(const Camera& camera, int most,

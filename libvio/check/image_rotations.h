@@ -7,6 +7,7 @@
 
 #include "libvio/base/types.h"
 #include "libvio/camera/camera.h"
+#include "libvio/check/angular_scale.h"
 
 namespace vio {
 
@@ -38,6 +39,10 @@ class ImageRotations {
     /// predicted: a second of motion tells a turn from a shift where two images hardly do.
     std::vector<ImageRotation> from_stretches(const Camera& camera, int most,
                                               const Prediction& predict) const;
+
+    /// Scale of the angles from the optical axis by which images about half a second apart agree
+    /// best on motions. Nothing if too few of them agree on any.
+    std::optional<AngularScale> angular_scale(const Camera& camera, int most) const;
 
  private:
     template <typename Work>

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "libvio/camera/perspective.h"
+#include "libvio/check/angular_scale.h"
 #include "libvio/check/inertial.h"
 #include "libvio/check/rig_check.h"
 #include "libvio/check/rotation_agreement.h"
@@ -54,6 +56,9 @@ std::vector<Finding> RecordingCheck::findings(int most_pairs) const {
     append(all, check_image_stamps(images));
     append(all, quality_.findings());
     append(all, tracks_.findings());
+    // Of a narrow camera the gyro tells more.
+    if (rig_.camera && !dynamic_cast<const PerspectiveCamera*>(rig_.camera.get()))
+        all.push_back(check_angles(rotations_.angular_scale(*rig_.camera, most_pairs)));
     if (!with_imu_) return all;
     std::vector<TimeNs> stamps;
     for (const ImuReading& reading : readings_) stamps.push_back(reading.t);

@@ -1,9 +1,10 @@
-// What the agreement of gyro and images means to the user.
+// What the agreement of gyro and images, and of images with each other, means to the user.
 #include <cmath>
 #include <numbers>
 
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/perspective.h"
+#include "libvio/check/angular_scale.h"
 #include "libvio/check/axes.h"
 #include "libvio/check/rotation_agreement.h"
 
@@ -122,6 +123,20 @@ std::vector<Finding> check_rotations(const std::optional<RotationAgreement>& agr
     if (!turned_wrongly && !scaled_wrongly && a.focal_sigma > 0)
         findings.push_back(focal_length(a, rig));
     return findings;
+}
+
+Finding check_angles(const std::optional<AngularScale>& angles) {
+    Finding f{Grade::untested, "angles of rays", "too few images that agree on one motion",
+              formatted("1 +- %g", kGoodFocal), ""};
+    if (!angles) return f;
+    f.grade = grade(angles->scale - 1, angles->sigma, kGoodFocal, kPoorFocal);
+    f.measured = formatted("%.3f +- %.3f times the stated ones, by %d pairs of images",
+                           angles->scale, angles->sigma, angles->pairs);
+    if (f.grade >= Grade::warning)
+        f.advice =
+            "calibrate the camera: see whether its intrinsics (focal length, a mirror's gain) are "
+            "for these images' size and lens";
+    return f;
 }
 
 }  // namespace vio
