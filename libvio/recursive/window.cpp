@@ -20,13 +20,22 @@ constexpr int kLongestTrack = 64;  // sights, bounds the table of gates
 // how far these may be off [standard deviations of a sight].
 constexpr double kLossWidth = 3, kAgrees = 5;
 
-// A point in sight from given poses, from the sights alone; it keeps its anchor. loss_width: of
-// Cauchy's loss, in standard deviations of a sight; 0: none.
-std::optional<AnchoredPoint> refined_point(AnchoredPoint point, const Pose& anchor,
-                                           const Camera& camera, const Pose& T_I_C,
-                                           const std::vector<Pose>& poses,
-                                           const std::vector<Sight>& sights,
-                                           double loss_width = 0) {
+// Squared residuals a sight, in variances, above which another start may lead to a better point.
+constexpr double kDoubtful = 4;
+
+struct RefinedPoint {
+    AnchoredPoint point;
+    double cost;  // squared residuals, in variances
+};
+
+// A point in sight from given poses, from the sights alone; it keeps its anchor. least_rho: its
+// inverse distance stays above. loss_width: of Cauchy's loss, in standard deviations of a sight; 0:
+// none.
+std::optional<RefinedPoint> refined_point(AnchoredPoint point, const Pose& anchor,
+                                          const Camera& camera, const Pose& T_I_C,
+                                          const std::vector<Pose>& poses,
+                                          const std::vector<Sight>& sights, double least_rho,
+                                          double loss_width) {
     constexpr int kIterations = 8;
     const Pose T_C_I = T_I_C.inverse();
     double cost = -1;
@@ -46,14 +55,25 @@ std::optional<AnchoredPoint> refined_point(AnchoredPoint point, const Pose& anch
             b += weight * J.transpose() * seen->residual;
             new_cost += loss_width > 0 ? width2 * std::log1p(r2 / width2) : r2;
         }
-        if (cost >= 0 && std::abs(cost - new_cost) <= 1e-6 * (1 + cost)) return point;
+        if (cost >= 0 && std::abs(cost - new_cost) <= 1e-6 * (1 + cost))
+            return RefinedPoint{point, new_cost};
         if (cost >= 0 && new_cost > 4 * cost + 100) return std::nullopt;
         cost = new_cost;
         const Vector3d step = A.ldlt().solve(b);
         if (!step.allFinite()) return std::nullopt;
         point.x += step;
+        point.x.z() = std::max(point.x.z(), least_rho);
     }
-    return point;
+    return RefinedPoint{point, cost};
+}
+
+// So far that the poses, in the anchor's sight, all see it in one direction.
+AnchoredPoint far_point(const Vector3d& direction_W, const Pose& anchor, const Pose& T_I_C,
+                        const std::vector<Pose>& poses) {
+    constexpr double kFar = 100, kLeast = 0.1;  // baselines, and [m]
+    double baseline = kLeast;
+    for (const Pose& pose : poses) baseline = std::max(baseline, (pose.p - anchor.p).norm());
+    return anchored((anchor * T_I_C).p + kFar * baseline * direction_W, anchor, T_I_C);
 }
 
 }  // namespace
@@ -144,10 +164,19 @@ std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& 
     const auto rough = triangulate(lines, options_.angular_sigma);
     if (!rough) return std::nullopt;
     const Pose& anchor = seen.poses.back();
-    const auto refined = refined_point(anchored(rough->point, anchor, T_I_C_), anchor, *camera_,
-                                       T_I_C_, seen.poses, seen.sights, loss_width);
-    if (!refined || !refined->in_front()) return std::nullopt;
-    seen.point = *refined;
+    const auto refined = [&](const AnchoredPoint& start, double least_rho) {
+        return refined_point(start, anchor, *camera_, T_I_C_, seen.poses, seen.sights, least_rho,
+                             loss_width);
+    };
+    auto best = refined(anchored(rough->point, anchor, T_I_C_), -HUGE_VAL);
+    // Where the camera hardly moved, the sight lines may all but meet just before it.
+    if (!best || best->cost > kDoubtful * static_cast<double>(seen.sights.size())) {
+        const AnchoredPoint far = far_point(lines.back().direction, anchor, T_I_C_, seen.poses);
+        const auto other = refined(far, far.x.z());
+        if (other && (!best || other->cost < best->cost)) best = other;
+    }
+    if (!best || !best->point.in_front()) return std::nullopt;
+    seen.point = best->point;
     return seen;
 }
 
