@@ -1,5 +1,7 @@
 #include "libvio/recursive/errors_in_variables.h"
 
+#include <numeric>
+
 namespace vio {
 
 using Eigen::MatrixXd;
@@ -47,10 +49,38 @@ void ErrorsInVariables::settle(const Eigen::Ref<const MatrixXd>& P) {
     coupling_.setZero();
 }
 
-void ErrorsInVariables::clone(int at) {
-    if (at == C_.rows()) C_.conservativeResize(at + 6, at + 6);
+void ErrorsInVariables::clone(int at, bool inserted) {
+    if (inserted) {
+        std::vector<int> errors(static_cast<std::size_t>(C_.rows()) + 6);
+        std::iota(errors.begin(), errors.begin() + at, 0);
+        std::iota(errors.begin() + at, errors.begin() + at + 6, 0);
+        std::iota(errors.begin() + at + 6, errors.end(), at);
+        choose(errors);
+        return;
+    }
     C_.middleRows<6>(at) = C_.topRows<6>().eval();
     C_.middleCols<6>(at) = C_.leftCols<6>().eval();
+}
+
+void ErrorsInVariables::choose(const std::vector<int>& errors) {
+    C_ = C_(errors, errors).eval();
+}
+
+void ErrorsInVariables::augment(int first, const MatrixXd& G) {
+    const Eigen::Index n = C_.rows(), added = G.rows();
+    C_.conservativeResize(n + added, n + added);
+    C_.bottomLeftCorner(added, n) = G * C_.block(first, 0, G.cols(), n);
+    C_.rightCols(added) = C_.middleCols(first, G.cols()) * G.transpose();
+}
+
+void ErrorsInVariables::reanchor(int at, int from, int to, const MovedPoint& J) {
+    C_.middleRows<3>(at) = (J.J_point * C_.middleRows<3>(at) + J.J_from * C_.middleRows<6>(from) +
+                            J.J_to * C_.middleRows<6>(to))
+                               .eval();
+    C_.middleCols<3>(at) =
+        (C_.middleCols<3>(at) * J.J_point.transpose() +
+         C_.middleCols<6>(from) * J.J_from.transpose() + C_.middleCols<6>(to) * J.J_to.transpose())
+            .eval();
 }
 
 void ErrorsInVariables::carry(int at, const Carrier& T) {
@@ -58,13 +88,15 @@ void ErrorsInVariables::carry(int at, const Carrier& T) {
     carry_rows(C_.middleRows(at, T.rows()), T);
 }
 
-void ErrorsInVariables::update(const blas::ConstMatrix& W, const blas::ConstMatrix& X) {
-    K_.setZero(C_.rows(), C_.rows());
-    blas::add_product(1, W, X, K_);
-    copy_ = C_.transpose();
-    blas::add_product(-1, K_, copy_, C_);
-    copy_ = C_;
-    blas::add_product(-1, copy_, K_, C_);
+// (I - W X^T) C (I - X W^T) with X^T = L^-1 H.
+void ErrorsInVariables::update(const blas::ConstMatrix& W, const blas::ConstMatrix& L,
+                               const TimesHt& times_Ht) {
+    MatrixXd CtX = times_Ht(C_.transpose());
+    blas::divide(L, CtX);
+    blas::add_product(-1, W, CtX, C_);
+    MatrixXd CX = times_Ht(C_);
+    blas::divide(L, CX);
+    blas::add_product(-1, CX, W, C_);
 }
 
 }  // namespace vio

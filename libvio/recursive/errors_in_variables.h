@@ -8,48 +8,63 @@
 // 1987). Where the noise exceeds the motion, that is by tens of percent.
 //
 // The correlation C = E[g~ e^T] of the noise in g with the errors follows the loop of the filter
-// itself, here over core and clones (landmarks hold little of that noise). An innovation, residual
+// itself, over core, clones and landmarks: points are placed with the noise of the baselines that
+// they come from, so what core and landmarks share of it does not show. An innovation, residual
 // H e + unit noise with covariance S, tells of the noise as of everything else: g~ = C H^T S^-1
 // residual, which is taken out of g before the innovation acts on scale. What is then left in g is
 // independent of the innovation. (The minimum of the batch's cost does the same: it is a regression
 // with errors in both variables.)
+//
+// With many landmarks C would cost several times what the filter does; then it is that of core and
+// clones alone, as if landmarks held none of the noise.
 #pragma once
 
 #include <Eigen/Dense>
+#include <functional>
+#include <vector>
 
 #include "libvio/base/blas.h"
+#include "libvio/recursive/anchored_point.h"
 #include "libvio/recursive/carrier.h"
 #include "libvio/recursive/core_state.h"
 
 namespace vio {
 
-/// For an inertial core: C above, of core and clones.
+/// For an inertial core: C above, in the order of the filter's errors.
 class ErrorsInVariables {
  public:
     ErrorsInVariables();
 
     const Eigen::MatrixXd& correlation() const { return C_; }
+    int size() const { return static_cast<int>(C_.rows()); }
 
     void forget() { C_.setZero(); }
     /// The core moves; P: its covariance before.
     void propagate(const CoreMatrix& transition, const CoreMatrix& noise, const CoreMatrix& P);
     /// The core was measured: its errors become `reduction` times what they were, and noise.
     void update_core(const CoreMatrix& reduction);
-    /// Carries what the core did since the last call over to the clones. P: covariance of the core
-    /// with the clones at the last call.
+    /// Carries what the core did since the last call over to the other errors. P: covariance of the
+    /// core with these at the last call.
     void settle(const Eigen::Ref<const Eigen::MatrixXd>& P);
-    /// The core's pose becomes the clone at an offset.
-    void clone(int at);
+    /// The core's pose becomes the clone at an offset; inserted: the clone is new.
+    void clone(int at, bool inserted);
+    /// Adds errors that are G times those from `first` on, and noise.
+    void augment(int first, const Eigen::MatrixXd& G);
+    /// The three errors at `at` become J times what they, and the poses at two offsets, were.
+    void reanchor(int at, int from, int to, const MovedPoint& J);
+    /// Keeps these errors alone, or the first.
+    void choose(const std::vector<int>& errors);
+    void truncate(int size) { C_.conservativeResize(size, size); }
     /// Errors from `at` on become T times what they were.
     void carry(int at, const Carrier& T);
-    /// Core and clones were measured: their errors become (I - W X^T) times what they were, and
-    /// noise. With S = L L^T: W = P H^T L^-T, X = H^T L^-T.
-    void update(const blas::ConstMatrix& W, const blas::ConstMatrix& X);
+    /// Errors were measured: they become (I - W L^-1 H) times what they were, and noise, with
+    /// S = L L^T and W = P H^T L^-T. times_Ht: gives M H^T.
+    using TimesHt = std::function<Eigen::MatrixXd(const Eigen::MatrixXd& M)>;
+    void update(const blas::ConstMatrix& W, const blas::ConstMatrix& L, const TimesHt& times_Ht);
 
  private:
     Eigen::MatrixXd C_;
-    Eigen::MatrixXd K_, copy_;  // work space
-    // What waits for the clones r: C_cr = transition C_cr + coupling P_cr, C_rc = C_rc
+    // What waits for the other errors r: C_cr = transition C_cr + coupling P_cr, C_rc = C_rc
     // transition^T.
     CoreMatrix transition_, coupling_;
 };

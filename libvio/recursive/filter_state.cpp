@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "libvio/geometry/so3.h"
 
@@ -12,6 +13,12 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
+
+namespace {
+
+constexpr std::size_t kFewLandmarks = 64;  // see errors_in_variables.h
+
+}  // namespace
 
 FilterState::FilterState(CoreKind kind, const CoreState& mean, const CoreMatrix& covariance,
                          bool invariant)
@@ -34,6 +41,9 @@ void FilterState::start_landmarks(const std::vector<LandmarkState>& landmarks,
     reserve(size);
     size_ = size;
     P() = joint_covariance;
+    if (in_variables_)
+        in_variables_->augment(0,
+                               MatrixXd::Zero(3 * static_cast<Eigen::Index>(landmarks.size()), 0));
 }
 
 int FilterState::find_clone(int image_idx) const {
@@ -153,7 +163,7 @@ CoreMatrix FilterState::core_carrier(const Eigen::Ref<const VectorXd>& delta,
 void FilterState::settle() {
     if (!waiting_.any) return;
     const int c = core_size_, rest = size_ - c;
-    if (in_variables_) in_variables_->settle(P_.block(0, c, c, window_size() - c));
+    if (in_variables_) in_variables_->settle(P_.block(0, c, c, in_variables_->size() - c));
     if (rest > 0) {
         auto P_rc = P_.block(c, 0, rest, c);
         auto P_cr = P_.block(0, c, c, rest);
@@ -191,6 +201,11 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     const Eigen::Index first = window_size() - G.cols();
     const MatrixXd PGt = P_.block(0, first, size_, G.cols()) * G.transpose();
     const MatrixXd own = G * PGt.middleRows(first, G.cols()) + noise;
+    if (in_variables_ && in_variables_->size() == size_ &&
+        landmarks_.size() + landmarks.size() <= kFewLandmarks)
+        in_variables_->augment(static_cast<int>(first), G);
+    else if (in_variables_)
+        in_variables_->truncate(window_size());
     P_.block(0, size_, size_, added) = PGt;
     P_.block(size_, 0, added, size_) = PGt.transpose();
     P_.block(size_, size_, added, added) = 0.5 * (own + own.transpose());
@@ -200,7 +215,8 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
 
 void FilterState::clone(int image_idx) {
     int slot = find_clone(-1);
-    if (slot < 0) {
+    const bool inserted = slot < 0;
+    if (inserted) {
         slot = static_cast<int>(clones_.size());
         const int at = window_size(), behind = size_ - at;
         reserve(size_ + 6);
@@ -215,7 +231,7 @@ void FilterState::clone(int image_idx) {
     clones_[slot] = {image_idx, core_.T_W_I};
     P_.block(at, 0, 6, size_) = P_.block(0, 0, 6, size_).eval();
     P_.block(0, at, size_, 6) = P_.block(0, 0, size_, 6).eval();
-    if (in_variables_) in_variables_->clone(at);
+    if (in_variables_) in_variables_->clone(at, inserted);
 }
 
 void FilterState::release_clone(int slot) {
@@ -236,6 +252,7 @@ void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
     P_.block(own, 0, 3, size_) = rows;
     P_.block(0, own, size_, 3) = rows.transpose();
     P_.block<3, 3>(own, own) = 0.5 * (variance + variance.transpose());
+    if (in_variables_ && own < in_variables_->size()) in_variables_->reanchor(own, from, to, moved);
     landmark.point = moved.point;
     landmark.anchor = slot;
 }
@@ -251,6 +268,12 @@ void FilterState::marginalise(const std::vector<bool>& remove) {
         if (column != to) P_.col(to).head(keep) = P_.col(column).head(keep);
         for (int i = 0; i < static_cast<int>(from.size()); ++i)
             P_.col(to).segment<3>(keep + 3 * i) = P_.col(column).segment<3>(from[i]);
+    }
+    if (in_variables_ && in_variables_->size() == size_) {
+        std::vector<int> errors(static_cast<std::size_t>(keep));
+        std::iota(errors.begin(), errors.end(), 0);
+        for (const int at : from) errors.insert(errors.end(), {at, at + 1, at + 2});
+        in_variables_->choose(errors);
     }
     std::size_t kept = 0;
     for (std::size_t i = 0; i < landmarks_.size(); ++i)

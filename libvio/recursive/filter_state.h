@@ -172,6 +172,8 @@ class FilterState {
     Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
     void reserve(int size);
     void fill_upper(int at, int count);
+    void combine(const Eigen::Ref<const Eigen::MatrixXd>& M, const PointRows& row, double* first,
+                 double* second) const;
     void project(const PointRows& row, int column);
     void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
@@ -185,12 +187,14 @@ class FilterState {
                       const Eigen::VectorXd& residual, const Eigen::VectorXd& delta) const;
     void reduce_covariance(const std::vector<PointRows>& rows, const Eigen::VectorXd& reading);
     void reduce_covariance();
-    Eigen::MatrixXd window_jacobian(const std::vector<PointRows>& rows) const;
-    Eigen::VectorXd sensitivity_change(const Eigen::MatrixXd& Ht,
-                                       const Eigen::VectorXd& weight) const;
+    Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M,
+                                    const std::vector<PointRows>& rows) const;
+    Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M, const Eigen::MatrixXd& H) const;
+    template <typename Rows>
+    Eigen::VectorXd sensitivity_change(const Rows& H, const Eigen::VectorXd& weight) const;
     void doubt_sensitivity();
-    void update_sensitivity(Eigen::MatrixXd Ht);
-    Eigen::MatrixXd window_transpose(const Eigen::MatrixXd& H) const;
+    template <typename Rows>
+    void update_sensitivity(const Rows& H);
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;

@@ -32,16 +32,22 @@ VectorXd FilterState::applied(const std::vector<PointRows>& rows, const VectorXd
     return result;
 }
 
-// P J^T, two columns of the work space.
-void FilterState::project(const PointRows& row, int column) {
+// M J^T, two columns; where M has the window's columns alone, without the landmark's part.
+void FilterState::combine(const Eigen::Ref<const MatrixXd>& M, const PointRows& row, double* first,
+                          double* second) const {
     const int at[] = {0, clone_offset(landmarks_[row.landmark_idx].anchor),
                       landmark_offset(row.landmark_idx)};
     Eigen::Matrix<double, 2, 15> J;
     J << row.J_pose, row.J_anchor, row.J_landmark;
+    const int count = at[2] < M.cols() ? 15 : 12;
     const double* columns[15];
-    for (int k = 0; k < 15; ++k) columns[k] = P_.col(at[k / 6] + k % 6).data();
-    blas::combine(columns, J.data(), 15, size_, PHt_.col(column).data(),
-                  PHt_.col(column + 1).data());
+    for (int k = 0; k < count; ++k) columns[k] = M.data() + (at[k / 6] + k % 6) * M.outerStride();
+    blas::combine(columns, J.data(), count, static_cast<int>(M.rows()), first, second);
+}
+
+// P J^T, two columns of the work space.
+void FilterState::project(const PointRows& row, int column) {
+    combine(P(), row, PHt_.col(column).data(), PHt_.col(column + 1).data());
 }
 
 // P H^T and S = H P H^T + I for landmarks seen from the core pose, H = J.
@@ -195,7 +201,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         weight = weighted(residual);
         if (iteration == 0) innovations_.add(residual, residual.dot(weight));
         next.noalias() = PHt_ * weight;
-        if (in_variables_) from_noise = sensitivity_change(window_jacobian(rows), weight);
+        if (in_variables_) from_noise = sensitivity_change(rows, weight);
         ++iteration;
         if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
             // The rows are good as they are, but for the scale's sensitivity.
@@ -204,7 +210,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
                 if (!factorize()) return 0;
                 weight = weighted(residual + reading.dot(next) * u_);
                 next.noalias() = PHt_ * weight;
-                from_noise = sensitivity_change(window_jacobian(rows), weight);
+                from_noise = sensitivity_change(rows, weight);
             }
             delta.swap(next);
             break;
@@ -214,7 +220,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         if (iteration >= max_iterations || change < kConverged) break;
     }
     reduce_covariance(rows, reading);
-    if (in_variables_) update_sensitivity(window_jacobian(rows));
+    if (in_variables_) update_sensitivity(rows);
     correct(delta, from_noise);
     return iteration;
 }
@@ -231,15 +237,19 @@ void FilterState::carry_back(const VectorXd& delta, std::vector<PointRows>* rows
     }
 }
 
-// Rows of H for the window, transposed.
-MatrixXd FilterState::window_jacobian(const std::vector<PointRows>& rows) const {
-    MatrixXd Ht = MatrixXd::Zero(window_size(), 2 * static_cast<Eigen::Index>(rows.size()));
-    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(rows.size()); ++i) {
-        const int anchor = landmarks_[rows[i].landmark_idx].anchor;
-        Ht.block<6, 2>(0, 2 * i) = rows[i].J_pose.transpose();
-        Ht.block<6, 2>(clone_offset(anchor), 2 * i) = rows[i].J_anchor.transpose();
-    }
-    return Ht;
+// M H^T; M has a column for each of the state's errors, or for the first of them: the window's.
+MatrixXd FilterState::times_transpose(const MatrixXd& M, const std::vector<PointRows>& rows) const {
+    MatrixXd product(M.rows(), 2 * static_cast<Eigen::Index>(rows.size()));
+    for (int i = 0; i < static_cast<int>(rows.size()); ++i)
+        combine(M, rows[i], &product(0, 2 * i), &product(0, 2 * i + 1));
+    return product;
+}
+
+// H: for the last errors of the window.
+MatrixXd FilterState::times_transpose(const MatrixXd& M, const MatrixXd& H) const {
+    MatrixXd product = MatrixXd::Zero(M.rows(), H.rows());
+    blas::add_product(1, M.middleCols(window_size() - H.cols(), H.cols()), H, product);
+    return product;
 }
 
 void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
@@ -251,24 +261,19 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     innovations_.add(residual, residual.dot(weight));
     const VectorXd delta = PHt_ * weight;
     VectorXd from_noise;
-    if (in_variables_) from_noise = sensitivity_change(window_transpose(H), weight);
+    if (in_variables_) from_noise = sensitivity_change(H, weight);
     reduce_covariance();
-    if (in_variables_) update_sensitivity(window_transpose(H));
+    if (in_variables_) update_sensitivity(H);
     correct(delta, from_noise);
-}
-
-// For all of the window.
-MatrixXd FilterState::window_transpose(const MatrixXd& H) const {
-    MatrixXd Ht = MatrixXd::Zero(window_size(), H.rows());
-    Ht.bottomRows(H.cols()) = H.transpose();
-    return Ht;
 }
 
 // What an innovation, weighted by S^-1, changes in the errors' sensitivity to scale; see
 // errors_in_variables.h.
-VectorXd FilterState::sensitivity_change(const MatrixXd& Ht, const VectorXd& weight) const {
+template <typename Rows>
+VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) const {
+    const MatrixXd& C = in_variables_->correlation();
     VectorXd change = VectorXd::Zero(size_);
-    change.head(window_size()) = -in_variables_->correlation() * (Ht * weight);
+    change.head(C.rows()).noalias() = -times_transpose(C, H) * weight;
     return change;
 }
 
@@ -281,9 +286,10 @@ void FilterState::doubt_sensitivity() {
 }
 
 // For the update whose factors are in the work space.
-void FilterState::update_sensitivity(MatrixXd Ht) {
-    blas::divide(L_, Ht);
-    in_variables_->update(PHt_.topRows(window_size()), Ht);
+template <typename Rows>
+void FilterState::update_sensitivity(const Rows& H) {
+    in_variables_->update(PHt_.topRows(in_variables_->size()), L_,
+                          [&](const MatrixXd& M) { return times_transpose(M, H); });
 }
 
 // Moves the mean, and the covariance with it, of which the lower triangle is read: P <- T P T^T

@@ -86,20 +86,20 @@ TEST(IekfConsistency, ErrorsMatchTheirCovariance) {
 
 // The crane accelerates for two seconds, by 0.07 m/s^2, between legs; its readings' noise is as
 // large as that over half a second. Regressed on as if it were exact, such a reading makes path and
-// scene a quarter too large on average. The scale of single runs is uncertain by 0.1: the mean of
-// 8 by 0.035, the bound is at four of these.
+// scene a quarter too large on average; taken out where it shows, but not where the points share
+// it, a tenth too small. The scale of single runs is uncertain by 0.08 after a minute: the mean of
+// 12 by 0.023, the bound is at three of these.
 TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
     ScenarioOptions scenario = ScenarioOptions::from_file(VIO_SOURCE_DIR "/datasets/crane.ini");
     scenario.tracks = true;
-    scenario.image_count = 420;
+    scenario.image_count = 300;
     IekfOptions options;
-    options.prefix_images = 100;
     options.sigma_px = scenario.track_model.noise_px;
     BatchOptions batch;
     batch.sigma_px = options.sigma_px;
     batch.gravity_norm = scenario.gravity;
     batch.threads = 1;
-    constexpr int kRuns = 8;
+    constexpr int kRuns = 12;
     double mean = 0;
     for (int run = 0; run < kRuns; ++run) {
         ++scenario.seed;
@@ -107,11 +107,11 @@ TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
         Iekf filter(simulation.rig(), options, batch);
         test::feed(filter, simulation.imu(), simulation.tracks().frames);
         filter.finish();
-        // Speed, over truth, in the steady second half.
+        // Speed, over truth, in the last third.
         double estimated = 0, true_ = 0;
         const auto& states = filter.estimate().states;
         ASSERT_EQ(states.size(), simulation.truth().size());
-        for (std::size_t i = 210; i < states.size(); ++i) {
+        for (std::size_t i = 200; i < states.size(); ++i) {
             const Eigen::Vector3d v = simulation.truth()[i].v_W;
             estimated += states[i].v_W.norm() * v.norm();
             true_ += v.squaredNorm();
@@ -119,7 +119,30 @@ TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
         mean += std::log(estimated / true_) / kRuns;
     }
     RecordProperty("mean_log_scale", std::to_string(mean));
-    EXPECT_LT(std::abs(mean), 4 * 0.035);
+    EXPECT_LT(std::abs(mean), 3 * 0.023);
+}
+
+// Sight lines that all but meet just before the lens, while the crane comes to rest, once made a
+// point 2 cm away; the least error of a pose explains whatever such a point shows, and the estimate
+// followed it.
+TEST(IekfConsistency, APointJustBeforeTheLensIsNotBelieved) {
+    ScenarioOptions scenario = ScenarioOptions::from_file(VIO_SOURCE_DIR "/datasets/crane.ini");
+    scenario.tracks = true;
+    scenario.image_count = 640;
+    scenario.seed = 24;
+    IekfOptions options;
+    options.sigma_px = scenario.track_model.noise_px;
+    BatchOptions batch;
+    batch.sigma_px = options.sigma_px;
+    batch.gravity_norm = scenario.gravity;
+    batch.threads = 1;
+    const Simulation simulation(scenario);
+    Iekf filter(simulation.rig(), options, batch);
+    test::feed(filter, simulation.imu(), simulation.tracks().frames);
+    filter.finish();
+    const StateEstimate& last = filter.estimate().states.back();
+    const Eigen::Vector3d error = last.v_W - simulation.truth().back().v_W;
+    EXPECT_LT(error.norm(), 0.1);  // [m/s]; ten standard deviations
 }
 
 }  // namespace
