@@ -84,32 +84,41 @@ TEST(IekfConsistency, ErrorsMatchTheirCovariance) {
     EXPECT_LT(nees.innovations_rms_px, 2);
 }
 
+ScenarioOptions crane(int images) {
+    ScenarioOptions scenario = ScenarioOptions::from_file(VIO_SOURCE_DIR "/datasets/crane.ini");
+    scenario.tracks = true;
+    scenario.image_count = images;
+    return scenario;
+}
+
+Estimate filtered(const Simulation& simulation) {
+    IekfOptions options;
+    BatchOptions batch;
+    options.sigma_px = batch.sigma_px = simulation.options().track_model.noise_px;
+    batch.gravity_norm = simulation.options().gravity;
+    batch.threads = 1;
+    Iekf filter(simulation.rig(), options, batch);
+    test::feed(filter, simulation.imu(), simulation.tracks().frames);
+    filter.finish();
+    return filter.estimate();
+}
+
 // The crane accelerates for two seconds, by 0.07 m/s^2, between legs; its readings' noise is as
 // large as that over half a second. Regressed on as if it were exact, such a reading makes path and
 // scene a quarter too large on average; taken out where it shows, but not where the points share
 // it, a tenth too small. The scale of single runs is uncertain by 0.08 after a minute: the mean of
 // 12 by 0.023, the bound is at three of these.
 TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
-    ScenarioOptions scenario = ScenarioOptions::from_file(VIO_SOURCE_DIR "/datasets/crane.ini");
-    scenario.tracks = true;
-    scenario.image_count = 300;
-    IekfOptions options;
-    options.sigma_px = scenario.track_model.noise_px;
-    BatchOptions batch;
-    batch.sigma_px = options.sigma_px;
-    batch.gravity_norm = scenario.gravity;
-    batch.threads = 1;
+    ScenarioOptions scenario = crane(300);
     constexpr int kRuns = 12;
     double mean = 0;
     for (int run = 0; run < kRuns; ++run) {
         ++scenario.seed;
         const Simulation simulation(scenario);
-        Iekf filter(simulation.rig(), options, batch);
-        test::feed(filter, simulation.imu(), simulation.tracks().frames);
-        filter.finish();
+        const Estimate estimate = filtered(simulation);
         // Speed, over truth, in the last third.
         double estimated = 0, true_ = 0;
-        const auto& states = filter.estimate().states;
+        const auto& states = estimate.states;
         ASSERT_EQ(states.size(), simulation.truth().size());
         for (std::size_t i = 200; i < states.size(); ++i) {
             const Eigen::Vector3d v = simulation.truth()[i].v_W;
@@ -126,21 +135,11 @@ TEST(IekfConsistency, NoiseOfReadingsIsNotTakenForAcceleration) {
 // point 2 cm away; the least error of a pose explains whatever such a point shows, and the estimate
 // followed it.
 TEST(IekfConsistency, APointJustBeforeTheLensIsNotBelieved) {
-    ScenarioOptions scenario = ScenarioOptions::from_file(VIO_SOURCE_DIR "/datasets/crane.ini");
-    scenario.tracks = true;
-    scenario.image_count = 640;
+    ScenarioOptions scenario = crane(640);
     scenario.seed = 24;
-    IekfOptions options;
-    options.sigma_px = scenario.track_model.noise_px;
-    BatchOptions batch;
-    batch.sigma_px = options.sigma_px;
-    batch.gravity_norm = scenario.gravity;
-    batch.threads = 1;
     const Simulation simulation(scenario);
-    Iekf filter(simulation.rig(), options, batch);
-    test::feed(filter, simulation.imu(), simulation.tracks().frames);
-    filter.finish();
-    const StateEstimate& last = filter.estimate().states.back();
+    const Estimate estimate = filtered(simulation);
+    const StateEstimate& last = estimate.states.back();
     const Eigen::Vector3d error = last.v_W - simulation.truth().back().v_W;
     EXPECT_LT(error.norm(), 0.1);  // [m/s]; ten standard deviations
 }
