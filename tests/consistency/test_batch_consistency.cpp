@@ -209,15 +209,19 @@ TEST(BlindStart, LeadsToTheTruthOnPathsThatTurnFar) {
     }
 }
 
+BatchResult blind_from_images(const test::SimulatedRun& run) {
+    BatchOptions options;
+    options.start = "blind";
+    options.covariances = false;
+    return estimate_batch(test::batch_problem(run, false), options);
+}
+
 // Images alone have many minima, most of them within a few percent of the least cost. Two paths on
 // which a start with all cameras at the origin ends in one of these.
 TEST(BlindStart, LeadsToTheTruthWithImagesAlone) {
     for (const auto& [span, seed] : {std::pair{180, 3U}, {180, 1U}}) {
         const test::SimulatedRun run = test::simulate_run(test::turning_run(span, seed));
-        BatchOptions options;
-        options.start = "blind";
-        options.covariances = false;
-        const BatchResult blind = estimate_batch(test::batch_problem(run, false), options);
+        const BatchResult blind = blind_from_images(run);
         ASSERT_TRUE(blind.report.converged) << blind.report.reason;
         const test::Errors errors = test::errors_of(blind.estimate, test::truth_of(run));
         EXPECT_LT(errors.position, 0.05) << span << ' ' << seed;
@@ -230,10 +234,7 @@ TEST(BlindStart, LeadsToTheTruthWithImagesAlone) {
 TEST(BlindStart, SaysThatImagesDoNotJoin) {
     for (const unsigned seed : {13U, 17U}) {
         const test::SimulatedRun run = test::simulate_run(test::turning_run(270, seed));
-        BatchOptions options;
-        options.start = "blind";
-        options.covariances = false;
-        const BatchResult result = estimate_batch(test::batch_problem(run, false), options);
+        const BatchResult result = blind_from_images(run);
         EXPECT_FALSE(result.report.converged) << seed;
         EXPECT_NE(result.report.reason.find("not determined"), std::string::npos)
             << seed << result.report.reason;
@@ -245,10 +246,7 @@ TEST(BlindStart, StandsGrossOutliersWithImagesAlone) {
     test::SimulatedRunOptions simulation = test::turning_run(180, 5);
     simulation.outliers = 0.1;
     const test::SimulatedRun run = test::simulate_run(simulation);
-    BatchOptions options;
-    options.start = "blind";
-    options.covariances = false;
-    const BatchResult blind = estimate_batch(test::batch_problem(run, false), options);
+    const BatchResult blind = blind_from_images(run);
     ASSERT_TRUE(blind.report.converged) << blind.report.reason;
     const test::Errors errors = test::errors_of(blind.estimate, test::truth_of(run));
     EXPECT_LT(errors.position, 0.05);
