@@ -7,26 +7,11 @@ constexpr const char* kOwnWeights = "the batch estimate weighted by the readings
 
 }  // namespace
 
-std::vector<Cell> seeds(const PaperSetup& setup, const std::function<Cell(int)>& cell_of) {
-    std::vector<Cell> cells;
-    for (int seed = 1; seed <= setup.seeds; ++seed) cells.push_back(cell_of(seed));
-    return cells;
-}
-
-void append(std::vector<Cell>& all, const std::vector<Cell>& more) {
-    all.insert(all.end(), more.begin(), more.end());
-}
-
 Cell arm(const PaperSetup& setup, int seed, const std::string& run) {
     Cell cell;
     cell.simulate = scenario(setup, "perspective_arm", seed);
     cell.run = run;
     cell.evaluate = at_control_points(arm_control_times(kArmInterval));
-    return cell;
-}
-
-Cell started_from(Cell cell, const Cell& start) {
-    cell.start = std::make_shared<Cell>(start);
     return cell;
 }
 

@@ -1,7 +1,6 @@
 // The perspective arm experiment (section 7): what its tables share.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,13 +11,8 @@ namespace vio::app {
 /// Factors by which recordings are slowed (Tables 2 and 7).
 constexpr int kFactors[] = {1, 2, 4, 8};
 
-/// A cell for each recording: seeds 1, 2 ...
-std::vector<Cell> seeds(const PaperSetup& setup, const std::function<Cell(int)>& cell_of);
-void append(std::vector<Cell>& all, const std::vector<Cell>& more);
-
 /// `run` on the arm's recording of a seed.
 Cell arm(const PaperSetup& setup, int seed, const std::string& run);
-Cell started_from(Cell cell, const Cell& start);
 
 /// A recording slowed by the procedure of section 7.3.2, which divides gravity by the factor
 /// squared.

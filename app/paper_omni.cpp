@@ -18,20 +18,18 @@ std::vector<double> omni_control_times(int experiment) {
 
 std::vector<Cell> omni(const PaperSetup& setup, int experiment, const std::string& run,
                        const std::string& arguments = "") {
-    std::vector<Cell> cells;
-    for (int seed = 1; seed <= setup.seeds; ++seed) {
+    return seeds(setup, [&](int seed) {
         Cell cell;
         cell.simulate =
             scenario(setup, "omnidirectional_arm_" + std::to_string(experiment), seed, arguments);
         cell.run = run;
         cell.evaluate = at_control_points(omni_control_times(experiment));
-        cells.push_back(cell);
-    }
-    return cells;
+        return cell;
+    });
 }
 
 std::vector<Cell> started_from(std::vector<Cell> cells, const std::vector<Cell>& starts) {
-    for (size_t i = 0; i < cells.size(); ++i) cells[i].start = std::make_shared<Cell>(starts[i]);
+    for (size_t i = 0; i < cells.size(); ++i) cells[i] = started_from(cells[i], starts[i]);
     return cells;
 }
 
@@ -92,20 +90,14 @@ const Table8 kTable8[] = {{{.12, .15, 3.4, 4.5, 5.2},
 std::vector<Cell> all_table8(const PaperSetup& setup) {
     std::vector<Cell> all;
     for (int experiment = 1; experiment <= 3; ++experiment) {
-        for (const auto& cells : {omni_batch(setup, experiment), omni_image_only(setup, experiment),
-                                  omni_default(setup, experiment)})
-            all.insert(all.end(), cells.begin(), cells.end());
-        for (const int prefix : kPrefixes) {
-            const auto cells = omni(setup, experiment, own_filter(prefix));
-            all.insert(all.end(), cells.begin(), cells.end());
-        }
+        append(all, omni_batch(setup, experiment));
+        append(all, omni_image_only(setup, experiment));
+        append(all, omni_default(setup, experiment));
+        for (const int prefix : kPrefixes) append(all, omni(setup, experiment, own_filter(prefix)));
     }
-    for (const auto& cells : {shaken_staged(setup), unshaken_image_only(setup)})
-        all.insert(all.end(), cells.begin(), cells.end());
-    for (const int prefix : kPrefixes) {
-        const auto cells = omni(setup, 1, own_filter(prefix, kShakenPx));
-        all.insert(all.end(), cells.begin(), cells.end());
-    }
+    append(all, shaken_staged(setup));
+    append(all, unshaken_image_only(setup));
+    for (const int prefix : kPrefixes) append(all, omni(setup, 1, own_filter(prefix, kShakenPx)));
     return all;
 }
 

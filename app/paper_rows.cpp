@@ -309,6 +309,21 @@ std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
            (arguments.empty() ? "" : " " + arguments);
 }
 
+std::vector<Cell> seeds(const PaperSetup& setup, const std::function<Cell(int)>& cell_of) {
+    std::vector<Cell> cells;
+    for (int seed = 1; seed <= setup.seeds; ++seed) cells.push_back(cell_of(seed));
+    return cells;
+}
+
+void append(std::vector<Cell>& all, const std::vector<Cell>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+}
+
+Cell started_from(Cell cell, const Cell& start) {
+    cell.start = std::make_shared<Cell>(start);
+    return cell;
+}
+
 std::vector<double> arm_control_times(double interval) {
     std::vector<double> at_s;
     for (int i = 0; i < 7; ++i) at_s.push_back(i * interval);

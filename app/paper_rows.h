@@ -1,6 +1,7 @@
 // Rows that set the paper's error metrics beside ours, and paths for its figures.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -73,6 +74,13 @@ Plot seen_from_above(const std::string& title, const std::vector<Series>& series
 /// A recording of the scenario with seed 1, 2 ...; further arguments of `simulate` follow.
 std::string scenario(const PaperSetup& setup, const std::string& name, int seed,
                      const std::string& arguments = "");
+
+/// A cell for each recording: seeds 1, 2 ...
+std::vector<Cell> seeds(const PaperSetup& setup, const std::function<Cell(int)>& cell_of);
+void append(std::vector<Cell>& all, const std::vector<Cell>& more);
+
+/// The cell whose run starts from another's result.
+Cell started_from(Cell cell, const Cell& start);
 
 constexpr double kArmInterval = 0.84;  ///< between the arm's seven control points [s]
 /// When the arm passes them, `interval` apart [s].
