@@ -17,6 +17,9 @@ complete_words() {
     _vio_slam 2>/dev/null || true
     printf '%s\n' "${COMPREPLY[@]}"
 }
+# offered WORD COMMAND...: whether Tab offers the word. (grep ends at the first match: a pipe to it
+# would now and then break before all is written.)
+offered() { grep --quiet --line-regexp -- "$1" <<<"$(complete_words "${@:2}")"; }
 compopt() { :; } # bash has it only while it completes
 
 options=0
@@ -31,12 +34,12 @@ check() {
         grep --only-matching --extended-regexp -- '--[a-z-]+'); do
         [[ $# -eq 0 ]] || grep --quiet --fixed-strings -- "${option//-/\\-}" <<<"$section" ||
             fail "the manual of '$*' lacks $option"
-        complete_words vio-slam "$@" "$option" | grep --quiet --line-regexp -- "$option" ||
+        offered "$option" vio-slam "$@" "$option" ||
             fail "'$* $option' is not completed"
         options=$((options + 1))
     done
     for sub in $(awk '/^Subcommands:/ { on = 1; next } on && /^  [a-z]/ { print $1 }' <<<"$help"); do
-        complete_words vio-slam "$@" "$sub" | grep --quiet --line-regexp "$sub" ||
+        offered "$sub" vio-slam "$@" "$sub" ||
             fail "'$* $sub' is not completed"
         check "$@" "$sub"
     done
@@ -45,7 +48,7 @@ check
 
 [[ $(complete_words vio-slam run x.rawlog --estimator b) == batch ]] || fail "a choice is not completed"
 # Options of one command are not offered for another, nor after a value that is named like a command.
-complete_words vio-slam run -o import --cam | grep --quiet --line-regexp -- --camera-label ||
+offered --camera-label vio-slam run -o import --cam ||
     fail "the options of run are lost behind 'import'"
 ((options > 100)) || fail "only $options options were found"
 if command -v man >/dev/null; then
