@@ -60,6 +60,7 @@ class Batch final : public Estimator {
     }
     bool converged() const override { return result_.report.converged; }
     int iterations() const override { return result_.report.iterations; }
+    const RefinedRig* refined_rig() const override { return result_.rig ? &*result_.rig : nullptr; }
     std::vector<FeatureId> take_rejected() override { return {}; }
     std::vector<PredictedFeature> predict(TimeNs) const override { return {}; }
 
@@ -101,6 +102,7 @@ class Recursive final : public Estimator {
     std::vector<StatusEntry> events() const override { return filter_.status(); }
     bool converged() const override { return started_; }
     int iterations() const override { return 0; }
+    const RefinedRig* refined_rig() const override { return nullptr; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
     std::vector<PredictedFeature> predict(TimeNs t) const override { return filter_.predict(t); }
 

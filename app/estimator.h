@@ -34,6 +34,8 @@ class Estimator {
     virtual bool converged() const = 0;
     /// Steps of the minimisation; 0 for the filter.
     virtual int iterations() const = 0;
+    /// The rig as estimated, after finish(); nothing where it was taken as stated.
+    virtual const RefinedRig* refined_rig() const = 0;
     /// Features found to be tracked wrongly since the last call.
     virtual std::vector<FeatureId> take_rejected() = 0;
     /// Where features will be in an image at time t; nothing of the batch estimator.

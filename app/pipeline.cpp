@@ -204,6 +204,10 @@ class Course {
         early_check_.finish();
         feeder_.finish();
         timed(report_.estimation_s, [&] { estimator_->finish(); });
+        if (const RefinedRig* refined = estimator_->refined_rig()) {
+            output_.set_rig(refined->rig);
+            report_.rig = refined->unknowns;
+        }
         write();
         if (output_.scene_due()) timed(report_.picture_s, [&] { output_.write_scene({}); });
         report_.repeated_messages = queue_.repeated();
@@ -301,6 +305,13 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
             {{"grade", to_string(finding.grade)}, {"text", one_line(finding)}});
     json["converged"] = report.converged;
     json["iterations"] = report.iterations;
+    if (!report.rig.empty()) json["rig"] = nlohmann::json::array();
+    for (const RefinedRig::Unknown& unknown : report.rig)
+        json["rig"].push_back({{"name", unknown.name},
+                               {"unit", unknown.unit},
+                               {"change", unknown.change},
+                               {"sigma", unknown.sigma},
+                               {"stated_sigma", unknown.stated_sigma}});
     json["imu_readings"] = report.imu_readings;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;

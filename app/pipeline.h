@@ -58,10 +58,11 @@ struct RunReport {
     std::vector<Finding> warnings;    ///< see RunRequest::warn
     std::vector<StatusEntry> events;  ///< starts, losses of track
     double input_output_s = 0, tracking_s = 0, estimation_s = 0, picture_s = 0;
-    int iterations = 0;           ///< of the batch estimator
-    bool converged = false;       ///< see Estimator::converged
-    std::string picture_problem;  ///< why there is no picture; empty: there is one
-    std::string damage;           ///< why reading stopped early; empty: the whole file was read
+    int iterations = 0;                    ///< of the batch estimator
+    bool converged = false;                ///< see Estimator::converged
+    std::vector<RefinedRig::Unknown> rig;  ///< parts that were estimated too
+    std::string picture_problem;           ///< why there is no picture; empty: there is one
+    std::string damage;  ///< why reading stopped early; empty: the whole file was read
 };
 
 /// Runs the estimator over the rawlog and writes the results folder with its picture. Where the

@@ -57,6 +57,10 @@ void print(const RunReport& r, const RunRequest& request) {
     std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
+    for (const RefinedRig::Unknown& unknown : r.rig)
+        std::printf("%-12s%-11s %+.4g +- %.2g %s from what is stated (+- %.2g)\n",
+                    &unknown == &r.rig.front() ? "rig" : "", unknown.name.c_str(), unknown.change,
+                    unknown.sigma, unknown.unit.c_str(), unknown.stated_sigma);
     for (const StatusEntry& event : r.events)
         std::printf("            %.3f s: %s\n", to_seconds(event.t), event.text.c_str());
     if (r.lost_poses > 0) std::printf("lost        track of %d of these poses\n", r.lost_poses);
@@ -167,7 +171,7 @@ void add_run(CLI::App& program) {
     command->add_option("--to", request.end_s, "Leave out what is after [s]")
         ->check(CLI::PositiveNumber);
     command->add_option("--fiducials", request.fiducials_file,
-                        "Known points for the batch estimator: rows feature_id,x,y,z [m]");
+                        "Known points for the batch estimator: rows feature_id,x,y,z[,sigma] [m]");
     command->add_flag("--overwrite", request.overwrite, "Replace results that are in the folder");
     command->add_flag("--print-options", arguments->print_options,
                       "Print every option with unit, range and help, as an INI file, and stop");

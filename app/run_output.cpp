@@ -84,6 +84,11 @@ void RunOutput::add(Estimate piece) {
         scene_due_ = scene_due_ || scenes_->due(image);
 }
 
+void RunOutput::set_rig(const Rig& rig) {
+    rig_ = rig;
+    writer_.set_rig(rig);
+}
+
 void RunOutput::write_scene(const std::vector<LandmarkEstimate>& landmarks) {
     scene_due_ = false;
     Estimate estimate = sketch_.estimate();

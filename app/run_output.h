@@ -43,6 +43,8 @@ class RunOutput {
     /// An image's features have gone to the estimator.
     void add(const FeatureFrame& frame);
     void add(Estimate piece);
+    /// The rig as estimated; before the first piece.
+    void set_rig(const Rig& rig);
     const WrittenPath& written() const { return writer_.written(); }
     bool has_scale() { return sketch_.estimate().has_scale; }
 

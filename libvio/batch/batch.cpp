@@ -57,6 +57,19 @@ BatchReport make_report(const Course& course, Clock::time_point began) {
     return report;
 }
 
+RefinedRig refined_rig(const RigRefinement& found, const NormalEquations& equations) {
+    RefinedRig refined{found.rig(), {}, {}};
+    if (equations.rig_solution()) refined.covariance = equations.rig_solution()->covariance;
+    const auto names = found.names(), units = found.units();
+    const Eigen::VectorXd change = found.change();
+    for (Eigen::Index k = 0; k < change.size(); ++k)
+        refined.unknowns.push_back(
+            {names[k], units[k], change(k),
+             refined.covariance.size() > 0 ? std::sqrt(refined.covariance(k, k)) : 0,
+             found.sigmas()(k)});
+    return refined;
+}
+
 // Says in the report what the measurements leave open.
 void judge_solution(const Course& course, const Objective& objective, NormalEquations& equations,
                     bool singular, BatchReport& report) {
@@ -67,6 +80,8 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
         const Observability found = judge(course.model, objective, course.state, equations);
         report.scale_sigma = found.scale_sigma;
         report.undetermined = found.undetermined;
+        if (course.rig && !equations.rig_solution())
+            report.undetermined.emplace_back("the rig's parts that are left open");
     }
     if (report.undetermined.empty()) return;
     report.converged = false;
@@ -116,6 +131,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     NormalEquations equations(course.model, make_layout(course.model, options),
                               objective.threads());
     objective.linearize(course.state, equations);
+    if (course.rig) course.rig->linearize(objective, course.state, equations);
     bool singular = false;
     result.estimate =
         publish(course.model, objective, course.state, select_keyframes(problem.frames),
@@ -124,6 +140,7 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);
     if (!options.covariances) singular = !equations.factorize();
+    if (course.rig) result.rig = refined_rig(*course.rig, equations);
     judge_solution(course, objective, equations, singular, result.report);
     return result;
 }

@@ -50,6 +50,11 @@ struct BatchOptions {
     double outlier_sigmas = 5.0;  ///< observations beyond are dropped after convergence
     bool covariances = true;
     int threads = 0;  ///< 0: one for each processor; results do not depend on it
+    // What the calibration is known to; 0: exactly. What is not is estimated with everything else.
+    double intrinsics_sigma = 0;           ///< that each alone displaces a pixel by at most [px]
+    double extrinsics_rotation_sigma = 0;  ///< of the camera on the IMU, about each axis [deg]
+    double extrinsics_position_sigma = 0;  ///< along each axis [m]
+    double time_offset_sigma = 0;          ///< of the camera's clock [s]
 
     void describe(OptionSet& options);
 };
@@ -84,10 +89,26 @@ struct BatchTail {
     Eigen::MatrixXd covariance;  ///< (15 + 3 n) square
 };
 
+/// The rig as estimated, where BatchOptions leaves parts of it open.
+struct RefinedRig {
+    Rig rig;
+    /// One unknown: T_I_C's rotation (in the tangent space of what is stated) and position, time
+    /// offset, intrinsics.
+    struct Unknown {
+        std::string name, unit;
+        double change = 0;        ///< from what is stated
+        double sigma = 0;         ///< of the estimate; 0: not computed
+        double stated_sigma = 0;  ///< of what is stated
+    };
+    std::vector<Unknown> unknowns;
+    Eigen::MatrixXd covariance;  ///< of these; empty: not computed
+};
+
 /// Estimate, how it came about, and what a filter may go on from.
 struct BatchResult {
     Estimate estimate;
     BatchReport report;
+    std::optional<RefinedRig> rig;
     std::optional<BatchTail> tail;  ///< if asked for
 };
 

@@ -1,18 +1,20 @@
-// Further unknowns beside those of the normal equations: block elimination with the factorisation
-// that is there. With columns C of the border, C~ = C - W V^-1 C_points and S the reduced matrix,
+// Unknowns of the rig beside those of the normal equations: block elimination with the
+// factorisation that is there. With columns C of the border, C~ = C - W V^-1 C_points and S the
+// reduced matrix,
 //   (H - C~^T S^-1 C~ - C_points^T V^-1 C_points) dy = -(h - C~^T S^-1 s - C_points^T V^-1 b).
 #include "libvio/batch/normal_equations.h"
 
 namespace vio::batch {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Columns of the reduced system.
-MatrixXd NormalEquations::reduced(const Border& border) const {
-    MatrixXd columns = border.reduced;
+MatrixXd NormalEquations::reduced_rig() const {
+    MatrixXd columns = rig->reduced;
     for (size_t j = 0; j < V.size(); ++j) {
-        const MatrixXd C = border.points.middleRows<3>(3 * static_cast<Eigen::Index>(j));
+        const auto C = rig->points.middleRows<3>(3 * static_cast<Index>(j));
         if (const int slot = layout_.border_of_point[j]; slot >= 0) {
             columns.middleRows<3>(matrix.offset(layout_.border_block(slot))) += C;
             continue;
@@ -27,52 +29,74 @@ MatrixXd NormalEquations::reduced(const Border& border) const {
     return columns;
 }
 
-MatrixXd NormalEquations::information(const Border& border) const {
-    const MatrixXd columns = reduced(border);
-    MatrixXd H = border.H - columns.transpose() * factor_.solve(columns);
+// From C~ and S^-1 C~.
+MatrixXd NormalEquations::rig_information(const MatrixXd& columns, const MatrixXd& solved) const {
+    MatrixXd H = rig->H - columns.transpose() * solved;
     for (size_t j = 0; j < V.size(); ++j) {
         if (layout_.border_of_point[j] >= 0) continue;
-        const MatrixXd C = border.points.middleRows<3>(3 * static_cast<Eigen::Index>(j));
+        const auto C = rig->points.middleRows<3>(3 * static_cast<Index>(j));
         H.noalias() -= C.transpose() * (point_inverse(static_cast<int>(j)) * C).eval();
     }
     return H;
 }
 
-bool NormalEquations::solve(double lambda, const Border& border, Step& step,
-                            VectorXd& border_step) {
-    if (!solve(lambda, step)) return false;
-    const MatrixXd columns = reduced(border), Y = factor_.solve(columns);
-    MatrixXd H = border.H - columns.transpose() * Y;
-    VectorXd g = border.gradient + columns.transpose() * step.reduced;
+MatrixXd NormalEquations::rig_information() const {
+    const MatrixXd columns = reduced_rig();
+    return rig_information(columns, factor_.solve(columns));
+}
+
+// Adds to the step of the reduced unknowns, which stands for the rig as it is.
+bool NormalEquations::solve_rig(Step& step) const {
+    const MatrixXd columns = reduced_rig(), solved = factor_.solve(columns);
+    MatrixXd H = rig_information(columns, solved);
+    VectorXd g = rig->gradient + columns.transpose() * step.reduced;
     for (size_t j = 0; j < V.size(); ++j) {
         if (layout_.border_of_point[j] >= 0) continue;
-        const MatrixXd C = border.points.middleRows<3>(3 * static_cast<Eigen::Index>(j)),
-                       scaled = point_inverse(static_cast<int>(j)) * C;
-        H.noalias() -= C.transpose() * scaled;
-        g.noalias() -= scaled.transpose() * b[j];
+        g.noalias() -= rig->points.middleRows<3>(3 * static_cast<Index>(j)).transpose() *
+                       (point_inverse(static_cast<int>(j)) * b[j]);
     }
-    for (Eigen::Index k = 0; k < H.rows(); ++k) H(k, k) += damping(border.H(k, k));
+    for (Index k = 0; k < H.rows(); ++k) H(k, k) += damping(rig->H(k, k));
     const Eigen::LLT<MatrixXd> llt(H);
     if (llt.info() != Eigen::Success) return false;
-    border_step = -llt.solve(g);
-    const VectorXd change = -Y * border_step;
-    step.reduced += change;
+    step.rig = -llt.solve(g);
+    step.reduced.noalias() -= solved * step.rig;
+    return step.rig.allFinite();
+}
+
+void NormalEquations::solve_rig_covariance() {
+    const MatrixXd columns = reduced_rig(), solved = factor_.solve(columns);
+    // In unknowns scaled to unit information, as their units differ by orders.
+    const VectorXd scale = rig->H.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::LLT<MatrixXd> llt(scale.asDiagonal() * rig_information(columns, solved) *
+                                   scale.asDiagonal());
+    if (llt.info() != Eigen::Success) return;
+    BorderSolution& solution = rig_solution_.emplace();
+    solution.covariance = scale.asDiagonal() *
+                          llt.solve(MatrixXd::Identity(scale.size(), scale.size())) *
+                          scale.asDiagonal();
+    solution.reduced = -solved;
+    solution.points.resize(rig->points.rows(), rig->points.cols());
     for (size_t j = 0; j < V.size(); ++j) {
-        Eigen::Vector3d& moved = step.points[j];
+        auto moved = solution.points.middleRows<3>(3 * static_cast<Index>(j));
         if (const int slot = layout_.border_of_point[j]; slot >= 0) {
-            moved = step.reduced.segment<3>(matrix.offset(layout_.border_block(slot)));
+            moved = solution.reduced.middleRows<3>(matrix.offset(layout_.border_block(slot)));
             continue;
         }
-        Eigen::Vector3d rhs =
-            border.points.middleRows<3>(3 * static_cast<Eigen::Index>(j)) * border_step;
+        MatrixXd sum = rig->points.middleRows<3>(3 * static_cast<Index>(j));
         const Point& point = model_.points[j];
         for (int k = point.first_observation; k < point.first_observation + point.observation_count;
              ++k)
-            rhs.noalias() += W[k].transpose() *
-                             change.segment<6>(layout_.index(model_.observations[k].frame_idx, 0));
-        moved -= point_inverse(static_cast<int>(j)) * rhs;
+            sum.noalias() += W[k].transpose() * solution.reduced.middleRows<6>(layout_.index(
+                                                    model_.observations[k].frame_idx, 0));
+        moved = -point_inverse(static_cast<int>(j)) * sum;
     }
-    return step.reduced.allFinite() && border_step.allFinite();
+}
+
+MatrixXd NormalEquations::covariance(const MatrixXd& E) const {
+    MatrixXd C = E.transpose() * factor_.solve(E);
+    if (!rig_solution_) return C;
+    const MatrixXd moved = E.transpose() * rig_solution_->reduced;
+    return C + moved * rig_solution_->covariance * moved.transpose();
 }
 
 }  // namespace vio::batch

@@ -18,7 +18,8 @@ void minimize_stage(Course& course, const Stage& stage, MinimizeLimits limits) {
     // Without a start, ranges say nothing yet.
     if (stage.truncated) equations.point_damping = NormalEquations::PointDamping::alike;
     Objective objective(course.model, course.options, stage);
-    const MinimizeReport report = minimize(objective, equations, limits, course.state);
+    const MinimizeReport report =
+        minimize(objective, equations, limits, course.state, course.rig ? &*course.rig : nullptr);
     BatchReport& sums = course.sums;
     if (sums.iterations == 0) sums.initial_cost = report.initial.total();
     sums.iterations += report.iterations;
@@ -196,6 +197,15 @@ void start_staged(Course& course) {
 void minimize_all(Course& course) {
     const Stage stage{course.options.gravity == "free", course.options.loss};
     const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
+    if (const RigUnknowns unknowns = rig_unknowns(course.model, course.options);
+        unknowns.count() > 0) {
+        // Far from the solution a wrong rig would explain what wrong poses do.
+        constexpr double kNearly = 1e-4;
+        minimize_stage(course, stage, {limits.max_iterations, kNearly});
+        free_trapped_points(course);
+        course.rig.emplace(course.problem, course.model, unknowns,
+                           rig_sigmas(course.model, course.options));
+    }
     minimize_stage(course, stage, limits);
     if (free_trapped_points(course)) minimize_stage(course, stage, limits);
     if (drop_outliers(course)) minimize_stage(course, stage, limits);

@@ -2,6 +2,8 @@
 // everything, with what is set right in between.
 #pragma once
 
+#include <optional>
+
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/model.h"
 
@@ -13,6 +15,7 @@ struct Course {
     const BatchOptions& options;
     Model model{};
     State state{};
+    std::optional<RigRefinement> rig{};  ///< while it is estimated too
     MinimizeReport last{};
     BatchReport sums{};  ///< iterations and times so far
 };
@@ -31,7 +34,7 @@ void start_blind(Course& course, int images);
 /// Grows the estimate from a blind start of a prefix to all images, by a quarter at a time.
 void start_staged(Course& course);
 
-/// The minimum over everything, without outliers.
+/// The minimum over everything, without outliers; over what the options leave open of the rig, too.
 void minimize_all(Course& course);
 
 }  // namespace vio::batch

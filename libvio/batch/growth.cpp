@@ -38,6 +38,7 @@ Part cut(const Model& whole, const std::vector<bool>& placed, int first, int las
     Model& model = part.model;
     model.camera = whole.camera;
     model.T_I_C = whole.T_I_C;
+    model.T_C_I = whole.T_C_I;
     model.T_I_B = whole.T_I_B;
     model.times.assign(whole.times.begin() + first, whole.times.begin() + last + 1);
     for (size_t j = 0; j < whole.points.size(); ++j) {

@@ -30,7 +30,7 @@ std::optional<Eigen::Vector2d> Objective::image_residual(const State& state,
                                                          const Observation& observation) const {
     const InertialState& I = state.frames[observation.frame_idx].motion;
     const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
-    const auto uv = model_.camera->project(T_C_I_ * p_I);
+    const auto uv = model_.camera->project(model_.T_C_I * p_I);
     if (!uv) return std::nullopt;
     return *uv - observation.uv_px;
 }
@@ -57,7 +57,7 @@ double Objective::observation_distance2(const State& state, const Observation& o
     if (stage_.truncated) return largest_distance2_;
     const InertialState& I = state.frames[observation.frame_idx].motion;
     const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
-    return unseen_residual(T_C_I_ * p_I, observation, nullptr).squaredNorm();
+    return unseen_residual(model_.T_C_I * p_I, observation, nullptr).squaredNorm();
 }
 
 template <int N>
@@ -70,7 +70,7 @@ void Objective::add_observation(const State& state, int k, const Eigen::Matrix<d
     const double distance2 = r.squaredNorm();
     sums.cost += robust(distance2);
     const double w = robust_weight(distance2);
-    const Eigen::Matrix<double, N, 3> J_I = J_C * T_C_I_.R;
+    const Eigen::Matrix<double, N, 3> J_I = J_C * model_.T_C_I.R;
     const Eigen::Matrix<double, N, 3> J_X = J_I * I.R.transpose(), weighted_X = w * J_X;
     eq.V[j].noalias() += weighted_X.transpose() * J_X;
     eq.b[j].noalias() += weighted_X.transpose() * r;
@@ -91,7 +91,7 @@ template <typename Use>
 bool Objective::with_residual(const State& state, const Observation& observation, Use use) const {
     const InertialState& I = state.frames[observation.frame_idx].motion;
     const Eigen::Vector3d p_C =
-        T_C_I_ * (I.R.transpose() * (state.points[observation.point_idx] - I.p));
+        model_.T_C_I * (I.R.transpose() * (state.points[observation.point_idx] - I.p));
     Matrix23d J_C;
     if (const auto uv = model_.camera->project(p_C, &J_C)) {
         const Eigen::Vector2d r = observation.sqrt_information * (*uv - observation.uv_px);
@@ -121,7 +121,7 @@ Objective::PointSums Objective::point_sums(const State& state, int j) const {
         const Observation& observation = model_.observations[point.first_observation + k];
         if (!observation.active) continue;
         const Eigen::Matrix3d R_C_W =
-            T_C_I_.R * state.frames[observation.frame_idx].motion.R.transpose();
+            model_.T_C_I.R * state.frames[observation.frame_idx].motion.R.transpose();
         const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
             const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
             const auto J_X = (J_C * R_C_W).eval();
@@ -188,7 +188,7 @@ Objective::OnePose Objective::one_pose(const State& state,
         const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
         const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
             const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
-            const auto J_I = (J_C * T_C_I_.R).eval();
+            const auto J_I = (J_C * model_.T_C_I.R).eval();
             Eigen::Matrix<double, std::decay_t<decltype(r)>::RowsAtCompileTime, 6> J;
             J << J_I * so3::skew(p_I), -J_I * I.R.transpose();
             sums.H.noalias() += w * J.transpose() * J;

@@ -49,6 +49,15 @@ void Objective::reintegrate(const State& state) {
     });
 }
 
+void Objective::readings_changed() {
+    const int count = static_cast<int>(intervals_.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
+        for (int i = piece_begin(count, kPieces, piece); i < piece_begin(count, kPieces, piece + 1);
+             ++i)
+            intervals_[i] = make_interval(i, intervals_[i].bias);
+    });
+}
+
 double Objective::interval_cost(const State& state, int i) const {
     const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
     const Vector9d r = intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity);

@@ -135,6 +135,7 @@ class Marginals {
         : model_(model),
           equations_(equations),
           layout_(equations.layout()),
+          rig_(equations.rig_solution()),
           inverse_(equations.factor().sparse_inverse()) {
         gravity_jacobian_ = objective.gravity_jacobian(state.gravity);
         if (!layout_.inertial) return;
@@ -157,8 +158,9 @@ class Marginals {
                                    with_global_.row(layout_.index(frame, c)).head<3>().transpose();
             S.bottomRows<3>() = cross;
             S.rightCols<3>() = cross.transpose();
-            S.bottomRightCorner<3, 3>() = gravity();
+            S.bottomRightCorner<3, 3>() = gravity_without_rig();
         }
+        if (rig_) add_rig(S, moved_frame_and_gravity(frame));
         return S;
     }
 
@@ -171,16 +173,55 @@ class Marginals {
             S.topRightCorner<6, 6>() = cross_of_poses(a, b);
             S.bottomLeftCorner<6, 6>() = S.topRightCorner<6, 6>().transpose();
         }
+        if (rig_) {
+            Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(12, rig_->covariance.rows());
+            if (known(a, 0)) moved.topRows<6>() = rig_->reduced.middleRows<6>(layout_.index(a, 0));
+            if (known(b, 0))
+                moved.bottomRows<6>() = rig_->reduced.middleRows<6>(layout_.index(b, 0));
+            add_rig(S, moved);
+        }
         return S;
     }
 
     Eigen::Matrix3d gravity() const {
-        return gravity_jacobian_ * with_global_.block<3, 3>(layout_.gravity_index(), 0) *
-               gravity_jacobian_.transpose();
+        Eigen::Matrix3d S = gravity_without_rig();
+        if (rig_) add_rig(S, moved_gravity());
+        return S;
     }
 
     // Covariance of the point, and its cross-covariance with gravity (3 x 3).
     std::pair<Eigen::Matrix3d, Eigen::Matrix3d> point(int j) const {
+        auto [S, cross] = point_without_rig(j);
+        if (!rig_) return {S, cross};
+        const auto moved = rig_->points.middleRows<3>(3 * static_cast<Eigen::Index>(j));
+        add_rig(S, moved);
+        if (layout_.inertial) cross += moved * rig_->covariance * moved_gravity().transpose();
+        return {S, cross};
+    }
+
+ private:
+    // What the covariance of the rig adds to that of unknowns that move with it.
+    template <typename Matrix>
+    void add_rig(Matrix& S, const Eigen::MatrixXd& moved) const {
+        S += moved * rig_->covariance * moved.transpose();
+    }
+    Eigen::MatrixXd moved_gravity() const {
+        return gravity_jacobian_ * rig_->reduced.middleRows<3>(layout_.gravity_index());
+    }
+    Eigen::MatrixXd moved_frame_and_gravity(int frame) const {
+        Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(18, rig_->covariance.rows());
+        for (int c = 0; c < 15; ++c)
+            if (known(frame, c)) moved.row(c) = rig_->reduced.row(layout_.index(frame, c));
+        if (layout_.inertial) moved.bottomRows<3>() = moved_gravity();
+        return moved;
+    }
+
+    Eigen::Matrix3d gravity_without_rig() const {
+        return gravity_jacobian_ * with_global_.block<3, 3>(layout_.gravity_index(), 0) *
+               gravity_jacobian_.transpose();
+    }
+
+    std::pair<Eigen::Matrix3d, Eigen::Matrix3d> point_without_rig(int j) const {
         const int slot = layout_.border_of_point[j];
         Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
         if (slot >= 0) {
@@ -216,7 +257,6 @@ class Marginals {
         return {S, cross};
     }
 
- private:
     bool known(int frame, int component) const {
         const bool held = frame == 0 && component < 6 && !model_.surveyed();
         return !held && layout_.index(frame, component) >= 0;
@@ -250,6 +290,7 @@ class Marginals {
     const Model& model_;
     const NormalEquations& equations_;
     const Layout& layout_;
+    const std::optional<BorderSolution>& rig_;
     BlockCholesky::SparseInverse inverse_;
     Eigen::Matrix3d gravity_jacobian_;
     Eigen::MatrixXd with_global_;
@@ -363,6 +404,12 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
     for (int a = 0; a < n; ++a)
         if (layout.border_of_point[points[a]] < 0)
             joint.block<3, 3>(18 + 3 * a, 18 + 3 * a) += equations.point_inverse(points[a]);
+    if (const auto& rig = equations.rig_solution()) {
+        Eigen::MatrixXd moved = E.transpose() * rig->reduced;
+        for (int a = 0; a < n; ++a)
+            moved.middleRows<3>(18 + 3 * a) = rig->points.middleRows<3>(3L * points[a]);
+        joint += moved * rig->covariance * moved.transpose();
+    }
 
     const BodyState body = body_state(model, state, gauge, last);
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(15 + 3 * n, 18 + 3 * n);

@@ -39,12 +39,18 @@ double still_to_come(double lambda, double promised_before, double promised) {
 }  // namespace
 
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
-                        const MinimizeLimits& limits, State& state) {
+                        const MinimizeLimits& limits, State& state, RigRefinement* rig) {
     MinimizeReport report;
     double lambda = limits.initial_damping, growth = 2;
     double promised_before = 0;  // by the last step, if it was taken
     const auto linearize = [&] {
-        return timed(report.linearize_s, [&] { return objective.linearize(state, equations); });
+        return timed(report.linearize_s, [&] {
+            Cost cost = objective.linearize(state, equations);
+            if (!rig) return cost;
+            rig->linearize(objective, state, equations);
+            cost.prior += rig->cost();
+            return cost;
+        });
     };
     Cost cost = linearize();
     report.initial = cost;
@@ -57,15 +63,20 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
         if (timed(report.solve_s, [&] { return equations.solve(lambda, step); })) {
             const double now = timed(report.evaluate_s, [&] {
                 objective.apply(state, step, equations.layout(), candidate);
+                if (rig && !rig->move(step.rig, objective))
+                    return std::numeric_limits<double>::infinity();
                 objective.settle_points(state, candidate);
-                return objective.evaluate(candidate).total();
+                return objective.evaluate(candidate).total() + (rig ? rig->cost() : 0);
             });
             const double decrease = cost.total() - now;
             const double predicted = equations.predicted_decrease(step);
             const double small = limits.cost_tolerance * std::max(cost.total(), kNoCost);
             report.gradient = predicted / cost.total();
             accepted = std::isfinite(now) && decrease > 0;
-            if (accepted) std::swap(state, candidate);
+            if (accepted)
+                std::swap(state, candidate);
+            else if (rig)
+                rig->take_back(objective);
             const double left = still_to_come(lambda, promised_before, predicted);
             promised_before = accepted ? predicted : 0;
             if ((std::isfinite(now) && predicted <= small && std::abs(decrease) <= small) ||

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "libvio/batch/objective.h"
+#include "libvio/batch/rig_refinement.h"
 
 namespace vio::batch {
 
@@ -34,7 +35,8 @@ struct MinimizeReport {
 /// Damping after Marquardt (scaled by the Hessian's diagonal), raised and lowered after Nielsen
 /// (1999). After each step points settle with the poses as they are (embedded point iterations;
 /// Jeong et al. 2012).
+/// `rig`, if given, is estimated too and left where it fits best.
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
-                        const MinimizeLimits& limits, State& state);
+                        const MinimizeLimits& limits, State& state, RigRefinement* rig = nullptr);
 
 }  // namespace vio::batch

@@ -154,6 +154,7 @@ void set_rig(Model& model, const BatchProblem& problem, const Rig& rig) {
     // Image-only estimates the body itself: there is no IMU to stand for it.
     model.T_I_B = model.inertial ? rig.T_B_I.inverse() : Pose{};
     model.T_I_C = model.T_I_B * rig.T_B_C;
+    model.T_C_I = model.T_I_C.inverse();
     model.noise = rig.imu_noise;
     if (model.inertial) index_inertial(model, problem, rig.time_offset);
 }

@@ -26,7 +26,7 @@ struct Point {
 /// Everything that does not change during the minimisation.
 struct Model {
     CameraPtr camera;
-    Pose T_I_C, T_I_B;
+    Pose T_I_C, T_C_I, T_I_B;
     ImuNoise noise;
     bool inertial = false;
     std::vector<TimeNs> times;                      ///< of the images, camera clock

@@ -146,13 +146,22 @@ bool NormalEquations::eliminate(double lambda) {
 }
 
 bool NormalEquations::factorize(double lambda) {
-    return eliminate(lambda);
+    rig_solution_.reset();
+    if (!eliminate(lambda)) return false;
+    if (rig) solve_rig_covariance();
+    return true;
 }
 
 bool NormalEquations::solve(double lambda, Step& step) {
     if (!eliminate(lambda)) return false;
     factor_.solve(step.reduced);
     step.reduced *= -1;
+    if (rig && !solve_rig(step)) return false;
+    solve_points(step);
+    return step.reduced.allFinite();
+}
+
+void NormalEquations::solve_points(Step& step) const {
     step.points.resize(V.size());
     const int count = static_cast<int>(V.size());
     in_parallel(threads_, kPieces, [&](int piece) {
@@ -164,6 +173,7 @@ bool NormalEquations::solve(double lambda, Step& step) {
                 continue;
             }
             Eigen::Vector3d rhs = b[j];
+            if (rig) rhs.noalias() += rig->points.middleRows<3>(3L * j) * step.rig;
             const Point& point = model_.points[j];
             for (int k = point.first_observation;
                  k < point.first_observation + point.observation_count; ++k)
@@ -172,7 +182,6 @@ bool NormalEquations::solve(double lambda, Step& step) {
             step.points[j] = -(V_root_[j] * (V_root_[j].transpose() * rhs));
         }
     });
-    return step.reduced.allFinite();
 }
 
 double NormalEquations::predicted_decrease(const Step& step) const {
@@ -185,6 +194,8 @@ double NormalEquations::predicted_decrease(const Step& step) const {
         sum -= step.points[j].dot(b[j]);
         sum += step.points[j].dot(point_damping_matrix(static_cast<int>(j)) * step.points[j]);
     }
+    for (Eigen::Index k = 0; rig && k < step.rig.size(); ++k)
+        sum += step.rig(k) * (damping(rig->H(k, k)) * step.rig(k) - rig->gradient(k));
     return sum;
 }
 

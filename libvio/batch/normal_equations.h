@@ -7,6 +7,7 @@
 // left side is never formed as a whole: points enter the factorisation where their images do.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "libvio/batch/block_cholesky.h"
@@ -18,15 +19,23 @@ namespace vio::batch {
 struct Step {
     Eigen::VectorXd reduced;              ///< poses, velocities, biases, border points, gravity
     std::vector<Eigen::Vector3d> points;  ///< every point, border ones included
+    Eigen::VectorXd rig;                  ///< unknowns of the rig, if there are any
 };
 
-/// Columns of the normal equations of further unknowns that may couple with all others; see
+/// Columns of the normal equations of further unknowns that couple with all others; see
 /// Objective::linearize_rig().
 struct Border {
     Eigen::MatrixXd reduced;  ///< rows as `gradient`, without what comes by the points
     Eigen::MatrixXd points;   ///< three rows for each point
     Eigen::MatrixXd H;        ///< of these unknowns themselves
     Eigen::VectorXd gradient;
+};
+
+/// What is known of the border's unknowns, and how the others' minimum moves with them.
+struct BorderSolution {
+    Eigen::MatrixXd covariance;
+    Eigen::MatrixXd reduced;  ///< d(reduced unknowns) / d(border's)
+    Eigen::MatrixXd points;   ///< d(points) / d(border's), three rows each
 };
 
 /// Holds A, V, W, a, b of the current linearisation; solves them with any damping.
@@ -43,6 +52,7 @@ class NormalEquations {
     std::vector<Eigen::Matrix3d> V;  ///< of each point
     std::vector<Eigen::Vector3d> b;  ///< of each point
     std::vector<Matrix63d> W;        ///< of each observation: pose by point; zero for border points
+    std::optional<Border> rig;       ///< of unknowns of the rig, where there are any
 
     /// How points are damped. In bearing and range alike: a relative change of range costs what a
     /// turn of the sight lines by as much does, which keeps points in place while the cameras'
@@ -59,14 +69,15 @@ class NormalEquations {
     /// Cost decrease that the linear model promises for a step of the last solve().
     double predicted_decrease(const Step& step) const;
 
-    /// The same with further unknowns, damped alike.
-    bool solve(double lambda, const Border& border, Step& step, Eigen::VectorXd& border_step);
-    /// Information of the border's unknowns, all others eliminated; at the last factorize().
-    Eigen::MatrixXd information(const Border& border) const;
-
     /// Factorisation of the reduced system, for covariances. Damped: see solve().
     bool factorize(double lambda = 0);
     const BlockCholesky& factor() const { return factor_; }
+    /// Information of the rig's unknowns, all others eliminated; after factorize().
+    Eigen::MatrixXd rig_information() const;
+    /// After factorize(); empty where the rig has no unknowns or they are not determined.
+    const std::optional<BorderSolution>& rig_solution() const { return rig_solution_; }
+    /// Covariance of E^T x for the reduced unknowns x, what the rig's add included.
+    Eigen::MatrixXd covariance(const Eigen::MatrixXd& E) const;
     /// V^-1 of an eliminated point.
     Eigen::Matrix3d point_inverse(int point_idx) const {
         return V_root_[point_idx] * V_root_[point_idx].transpose();
@@ -74,7 +85,12 @@ class NormalEquations {
 
  private:
     bool eliminate(double lambda);
-    Eigen::MatrixXd reduced(const Border& border) const;
+    Eigen::MatrixXd reduced_rig() const;
+    Eigen::MatrixXd rig_information(const Eigen::MatrixXd& columns,
+                                    const Eigen::MatrixXd& solved) const;
+    bool solve_rig(Step& step) const;
+    void solve_points(Step& step) const;
+    void solve_rig_covariance();
     double damping(double diagonal) const;
     Eigen::Matrix3d point_damping_matrix(int point_idx) const;
 
@@ -84,6 +100,7 @@ class NormalEquations {
     BlockCholesky factor_;
     std::vector<Eigen::Matrix3d> V_root_;  // Q with V^-1 = Q Q^T
     Eigen::VectorXd damping_;              // of each scalar unknown
+    std::optional<BorderSolution> rig_solution_;
     double lambda_ = 0;
 };
 

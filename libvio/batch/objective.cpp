@@ -28,7 +28,6 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
       options_(options),
       stage_(stage),
       threads_(thread_count(options)),
-      T_C_I_(model.T_I_C.inverse()),
       point_costs_(model.points.size(), 0.0),
       pose_sums_(kPieces) {
     const double diagonal = std::hypot(model.camera->width(), model.camera->height());

@@ -71,6 +71,10 @@ class Objective {
     Border linearize_rig(const State& state, const RigUnknowns& unknowns,
                          const NormalEquations& equations) const;
 
+    /// Integrates the readings anew, at the biases of the last time: after the model's time offset
+    /// has changed. (The camera and its place may change at any time.)
+    void readings_changed();
+
     /// next = state [+] step. Points are displaced() as seen from the first camera that saw them,
     /// which their images constrain.
     void apply(const State& state, const Step& step, const Layout& layout, State& next) const;
@@ -172,11 +176,9 @@ class Objective {
     Stage stage_;
     int threads_;
     double largest_distance2_;  ///< that an observation can have; infinite unless truncated
-    Pose T_C_I_;
     std::vector<Interval> intervals_;
     std::vector<double> point_costs_;  // at the last linearisation
     std::vector<PoseSums> pose_sums_;  // of each piece of the points
-    double unseen_distance2_;          ///< what an unseen observation costs
 };
 
 }  // namespace vio::batch

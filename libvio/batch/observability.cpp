@@ -33,7 +33,7 @@ double scale_deviation(const Model& model, const State& state, const NormalEquat
     }
     if (!(sum > 0)) return std::numeric_limits<double>::infinity();
     c /= sum;
-    return std::sqrt((c.transpose() * equations.factor().solve(c))(0, 0));
+    return std::sqrt(equations.covariance(c)(0, 0));
 }
 
 struct Count {
@@ -102,7 +102,7 @@ std::string loose_motion(const Model& model, const State& state, const NormalEqu
         if (i == 0) continue;
         Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations.matrix.size(), 6);
         E.middleRows<6>(layout.index(i, 0)).setIdentity();
-        const Matrix6d C = E.transpose() * equations.factor().solve(E);
+        const Matrix6d C = equations.covariance(E);
         const double rotation = std::sqrt(C.topLeftCorner<3, 3>().trace()),
                      position = std::sqrt(C.bottomRightCorner<3, 3>().trace()) / extent;
         if (!(rotation < kMotionAngle) || !(position < kMotionShare))
@@ -140,7 +140,7 @@ Observability judge(const Model& model, const Objective& objective, const State&
     const int k = equations.layout().gravity_index();
     Eigen::MatrixXd E = Eigen::MatrixXd::Zero(equations.matrix.size(), 3);
     E.middleRows<3>(k) = objective.gravity_jacobian(state.gravity).transpose();
-    const Eigen::Matrix3d C = E.transpose() * equations.factor().solve(E);
+    const Eigen::Matrix3d C = equations.covariance(E);
     const double tilt = std::sqrt(C.trace()) / state.gravity.norm();
     if (!(tilt < kGravitySigma))
         result.undetermined.push_back(

@@ -20,26 +20,26 @@ void Objective::add_rig_image(const State& state, const RigUnknowns& unknowns,
         if (!observation.active) continue;
         const InertialState& I = state.frames[observation.frame_idx].motion;
         const Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p),
-                       p_C = T_C_I_ * p_I;
+                       p_C = model_.T_C_I * p_I;
         Matrix23d J_C;
         const auto uv = model_.camera->project(p_C, &J_C);
         if (!uv) continue;  // drawn back by the angle to its sight line, which the rig hardly moves
         const Eigen::Vector2d r = observation.sqrt_information * (*uv - observation.uv_px);
         if (r.squaredNorm() > largest_distance2_) continue;
         J_C = observation.sqrt_information * J_C;
-        if (unknowns.extrinsics) J.leftCols<6>() << J_C * so3::skew(p_C), -J_C * T_C_I_.R;
+        if (unknowns.extrinsics) J.leftCols<6>() << J_C * so3::skew(p_C), -J_C * model_.T_C_I.R;
         if (d_intrinsics)
             J.middleCols(first_intrinsic, unknowns.intrinsics) =
                 observation.sqrt_information * (*d_intrinsics)(p_C);
         const Eigen::Matrix2Xd weighted = robust_weight(r.squaredNorm()) * J;
         border.H.noalias() += weighted.transpose() * J;
         border.gradient.noalias() += weighted.transpose() * r;
-        const Matrix23d J_X = J_C * T_C_I_.R * I.R.transpose();
+        const Matrix23d J_X = J_C * model_.T_C_I.R * I.R.transpose();
         border.points.middleRows<3>(3 * static_cast<Index>(observation.point_idx)).noalias() +=
             J_X.transpose() * weighted;
         if (observation.frame_idx == 0 && !model_.surveyed()) continue;  // held
         Eigen::Matrix<double, 2, 6> J_pose;
-        J_pose << J_C * T_C_I_.R * so3::skew(p_I), -J_X;
+        J_pose << J_C * model_.T_C_I.R * so3::skew(p_I), -J_X;
         border.reduced.middleRows<6>(eq.layout().index(observation.frame_idx, 0)).noalias() +=
             J_pose.transpose() * weighted;
     }

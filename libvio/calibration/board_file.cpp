@@ -36,7 +36,12 @@ std::map<FeatureId, Fiducial> read_fiducials(const std::string& file) {
     TextRows rows(file);
     while (rows.next()) {
         rows.require(4);
-        fiducials[rows.integer(0)].p_W = {rows.number(1), rows.number(2), rows.number(3)};
+        Fiducial& fiducial = fiducials[rows.integer(0)];
+        fiducial.p_W = {rows.number(1), rows.number(2), rows.number(3)};
+        if (rows.size() < 5) continue;
+        const double sigma = rows.number(4);
+        if (!(sigma >= 0)) throw rows.error("sigma is negative");
+        fiducial.covariance = Eigen::Matrix3d::Identity() * sigma * sigma;
     }
     if (fiducials.empty()) throw InputError(file + ": no rows; expected feature_id,x,y,z");
     return fiducials;

@@ -12,7 +12,8 @@ namespace vio {
 /// id,x,y,z [m] of surveyed points. Throws InputError (file, key or line) where it is neither.
 Board read_board(const std::string& file);
 
-/// Points alone, taken as exactly known.
+/// Points alone: rows id,x,y,z[,sigma in each direction] [m]; without sigma, or with zero, exactly
+/// known.
 std::map<FeatureId, Fiducial> read_fiducials(const std::string& file);
 
 }  // namespace vio

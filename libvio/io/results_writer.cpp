@@ -209,6 +209,10 @@ ResultsWriter::ResultsWriter(const std::string& folder, const Rig& rig,
 
 ResultsWriter::~ResultsWriter() = default;
 
+void ResultsWriter::set_rig(const Rig& rig) {
+    impl_->rig = rig;
+}
+
 void ResultsWriter::add(const Estimate& piece) {
     Impl& w = *impl_;
     if (!w.path && piece.states.empty()) return;

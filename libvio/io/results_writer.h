@@ -31,6 +31,9 @@ class ResultsWriter {
                   bool overwrite);
     ~ResultsWriter();
 
+    /// The rig as estimated; before the first state.
+    void set_rig(const Rig& rig);
+
     /// Appends states, in order of time, with the estimate's gravity, and notes landmarks: of
     /// several with one id the last counts. Throws InputError if the disk is full.
     void add(const Estimate& piece);

@@ -82,7 +82,11 @@ Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& b
       options_(options),
       batch_(batch),
       use_imu_(use_imu),
-      next_attempt_(options.prefix_images) {}
+      next_attempt_(options.prefix_images) {
+    // The filter goes on with the rig as stated.
+    batch_.intrinsics_sigma = batch_.time_offset_sigma = 0;
+    batch_.extrinsics_rotation_sigma = batch_.extrinsics_position_sigma = 0;
+}
 
 void Prefix::add(const ImuReading& reading) {
     if (frames_.empty()) readings_.clear();  // one before the first image is enough

@@ -218,7 +218,8 @@ const Estimate& MotionEstimator::estimate() const {
 }
 
 const Rig& MotionEstimator::rig() const {
-    return impl_->sensors.rig;
+    const auto& refined = impl_->result.rig;
+    return refined ? refined->rig : impl_->sensors.rig;
 }
 
 }  // namespace vio

@@ -1,9 +1,9 @@
 // Pose of the body at each image of a rawlog whose features are the corners of a surveyed board:
-//   vio_board_truth RAWLOG TARGET.csv OUT.tum [--all]
+//   vio_board_truth RAWLOG TARGET.csv OUT.tum [--all] [--calibration FILE]
 // TARGET.csv has rows feature_id,x,y,z [m] in the board's frame, which becomes the world. The pose
 // minimises the squared distance in pixels between the corners and their projections, image by
 // image: no inertial data and no other image enter. Images that leave the pose uncertain are left
-// out, unless --all is given.
+// out, unless --all is given. FILE overrides the rawlog's calibration.
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -106,9 +106,9 @@ std::optional<vio::Pose> solve(const vio::FeatureFrame& frame,
 }
 
 void run(const std::string& rawlog, const std::string& target_file, const std::string& out,
-         bool all) {
+         bool all, const vio::RecordingOptions& options) {
     const auto target = read_target(target_file);
-    vio::Recording recording(rawlog);
+    vio::Recording recording(rawlog, options);
     const Intrinsics camera(recording.rig().camera);
     const vio::Pose T_C_B = recording.rig().T_B_C.inverse();
     std::vector<vio::TimedPose> poses;
@@ -126,13 +126,25 @@ void run(const std::string& rawlog, const std::string& target_file, const std::s
 }  // namespace
 
 int main(int argc, char** argv) {
-    const bool all = argc == 5 && std::string(argv[4]) == "--all";
-    if (argc != 4 && !all) {
-        std::fprintf(stderr, "usage: vio_board_truth RAWLOG TARGET.csv OUT.tum [--all]\n");
+    bool all = false, good = argc >= 4;
+    vio::RecordingOptions options;
+    for (int k = 4; k < argc; ++k) {
+        const std::string argument = argv[k];
+        if (argument == "--all")
+            all = true;
+        else if (argument == "--calibration" && k + 1 < argc)
+            options.calibration_files.emplace_back(argv[++k]);
+        else
+            good = false;
+    }
+    if (!good) {
+        std::fprintf(stderr,
+                     "usage: vio_board_truth RAWLOG TARGET.csv OUT.tum [--all] "
+                     "[--calibration FILE]\n");
         return 2;
     }
     try {
-        run(argv[1], argv[2], argv[3], all);
+        run(argv[1], argv[2], argv[3], all, options);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "vio_board_truth: error: %s\n", error.what());
         return 1;
