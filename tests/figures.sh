@@ -78,6 +78,24 @@ if [[ -d $DATA/euroc_imu_april ]]; then
         --fiducials "$DATA/euroc_imu_april/target.csv"
     row "board, batch, 72 s" "${april[@]}" 0 --estimator batch
     row "board, IEKF, 72 s" "${april[@]}" 0 --estimator iekf
+
+    # The published calibration does not fit these images, and the judge above uses it too. Here all
+    # is left open, and the judge's calibration is that of an estimate that knows the board to 2 mm.
+    open_rig=(--estimator batch --set batch.intrinsics_sigma=5
+        --set batch.extrinsics_rotation_sigma=1 --set batch.extrinsics_position_sigma=0.02
+        --set batch.time_offset_sigma=0.005)
+    awk -F, '/^[0-9]/ { print $0 ",0.002" }' "$DATA/euroc_imu_april/target.csv" \
+        >"$OUT/target_2mm.csv"
+    reference=(--overwrite --output "$OUT/board_reference" --fiducials "$OUT/target_2mm.csv")
+    taskset -c 0 "$VIO_SLAM" run "$OUT/april.rawlog" "${open_rig[@]}" "${reference[@]}" >/dev/null
+    build/release/tests/vio_board_truth "$OUT/april.rawlog" "$DATA/euroc_imu_april/target.csv" \
+        "$OUT/board_refined.tum" --calibration "$OUT/board_reference/calibration.ini" >/dev/null
+    row "board, batch, 72 s, rig open" "$OUT/april.rawlog" "$OUT/board_refined.tum" se3 0 \
+        "${open_rig[@]}"
+    row "  the same against the surveyed" "$OUT/april.rawlog" \
+        "$OUT/board_reference/trajectory.tum" se3 0 "${open_rig[@]}"
+    row "  rig as stated, against it" "$OUT/april.rawlog" "$OUT/board_reference/trajectory.tum" \
+        se3 0 --estimator batch
 fi
 
 # Failures are part of the picture: silent divergence shows as a large error at full completion.

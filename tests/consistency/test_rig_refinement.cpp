@@ -1,0 +1,163 @@
+#include <gtest/gtest.h>
+
+#include "libvio/batch/rig_refinement.h"
+#include "libvio/camera/intrinsics.h"
+#include "libvio/geometry/alignment.h"
+#include "libvio/simulation/random.h"
+#include "tests/simulated_batch.h"
+
+namespace vio {
+namespace {
+
+constexpr int kIntrinsics = 9;
+
+// What is stated of the rig errs as much as the options say.
+BatchOptions options_of_doubt() {
+    BatchOptions options;
+    options.loss = "none";
+    options.outlier_sigmas = 0;
+    options.intrinsics_sigma = 4;
+    options.extrinsics_rotation_sigma = 0.5;
+    options.extrinsics_position_sigma = 0.02;
+    options.time_offset_sigma = 0.005;
+    return options;
+}
+
+BatchOptions options_of_trust() {
+    BatchOptions options = options_of_doubt();
+    options.intrinsics_sigma = options.time_offset_sigma = 0;
+    options.extrinsics_rotation_sigma = options.extrinsics_position_sigma = 0;
+    return options;
+}
+
+// Another rig, drawn from what the options say of this one.
+Rig drawn(const Rig& rig, const Eigen::VectorXd& sigmas, Random& random) {
+    Eigen::VectorXd off(sigmas.size());
+    for (Eigen::Index k = 0; k < off.size(); ++k) off(k) = sigmas(k) * random.normal();
+    Rig other = rig;
+    other.T_B_C = rig.T_B_I * rig.T_I_C().boxplus(Vector6d(off.head<6>()));
+    other.time_offset += off(6);
+    other.camera = with_intrinsics(*rig.camera,
+                                   intrinsics(*rig.camera, kIntrinsics) + off.tail<kIntrinsics>());
+    return other;
+}
+
+Eigen::VectorXd rig_error(const Rig& found, const Rig& truth) {
+    Eigen::VectorXd error(7 + kIntrinsics);
+    error << found.T_I_C().boxminus(truth.T_I_C()), found.time_offset - truth.time_offset,
+        intrinsics(*found.camera, kIntrinsics) - intrinsics(*truth.camera, kIntrinsics);
+    return error;
+}
+
+struct Judged {
+    double nees_pose = 0, nees_motion = 0;
+    double position = 0;  // of the last state [m]
+};
+
+Judged judged(const BatchResult& result, const test::SimulatedRun& run) {
+    const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+    const StateEstimate& last = result.estimate.states.back();
+    const auto e = test::state_error(last, truth.states.back());
+    const auto nees = [&](int size) {
+        return e.head(size).dot(last.covariance.topLeftCorner(size, size).inverse() * e.head(size));
+    };
+    return {nees(6), nees(9), e.segment<3>(kPosition).norm()};
+}
+
+// A rig that is stated wrongly, by as much as it is said to be known: it is found, to its
+// covariance, and poses and points are what their covariances say. Mean NEES over seeds inside the
+// 99.9 % bounds.
+TEST(RigRefinement, ErrorsAgreeWithTheCovariance) {
+    constexpr int kSeeds = 20;
+    double rig = 0, landmarks = 0;
+    int landmark_count = 0;
+    Judged refined, wrong;
+    const auto add = [](Judged& sum, const Judged& one) {
+        sum.nees_pose += one.nees_pose / kSeeds;
+        sum.nees_motion += one.nees_motion / kSeeds;
+        sum.position += one.position * one.position / kSeeds;
+    };
+    for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+        test::SimulatedRunOptions simulation;
+        simulation.seed = seed;
+        simulation.seconds = 3;
+        simulation.features = 40;
+        simulation.sigma_px = 0.5;
+        simulation.time_offset = 0.02;
+        const auto run = simulate_run(simulation);
+        BatchProblem problem = test::batch_problem(run);
+        BatchOptions doubt = options_of_doubt(), trust = options_of_trust();
+        doubt.sigma_px = trust.sigma_px = simulation.sigma_px;
+        const Estimate start = test::truth_from(run, {});
+        Random random(seed, "rig");
+        const batch::Model model =
+            batch::make_model(problem, doubt, static_cast<int>(problem.frames.size()));
+        problem.rig = drawn(run.rig, batch::rig_sigmas(model, doubt), random);
+        add(wrong, judged(estimate_batch(problem, trust, start), run));
+
+        const BatchResult result = estimate_batch(problem, doubt, start);
+        ASSERT_TRUE(result.report.converged) << result.report.reason;
+        ASSERT_TRUE(result.rig);
+        ASSERT_EQ(result.rig->unknowns.size(), 7u + kIntrinsics);
+        const Eigen::VectorXd error = rig_error(result.rig->rig, run.rig);
+        rig += error.dot(result.rig->covariance.ldlt().solve(error)) / kSeeds;
+        add(refined, judged(result, run));
+        const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+        for (const LandmarkEstimate& landmark : result.estimate.landmarks)
+            if (landmark.observations > 20) {
+                const Eigen::Vector3d d =
+                    landmark.p_W - truth.landmarks[static_cast<size_t>(landmark.id)].p_W;
+                landmarks += d.dot(landmark.covariance.inverse() * d);
+                ++landmark_count;
+            }
+    }
+    const auto bound = [](double dof) { return 3.3 * std::sqrt(2 * dof / kSeeds); };
+    EXPECT_NEAR(rig, 7 + kIntrinsics, bound(7 + kIntrinsics));
+    EXPECT_NEAR(refined.nees_pose, 6, bound(6));
+    EXPECT_NEAR(refined.nees_motion, 9, bound(9));
+    EXPECT_NEAR(landmarks / landmark_count, 3, bound(3));
+    // Three seconds do not tell all of the rig.
+    EXPECT_LT(std::sqrt(refined.position), std::sqrt(wrong.position) / 3);
+}
+
+// Of positions, after alignment.
+double path_rmse(const BatchResult& result, const test::SimulatedRun& run) {
+    const auto count = static_cast<Eigen::Index>(run.truth.size());
+    Eigen::Matrix3Xd estimate(3, count), truth(3, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        estimate.col(i) = result.estimate.states[static_cast<size_t>(i)].T_W_B.p;
+        truth.col(i) = run.truth[static_cast<size_t>(i)].T_W_B.p;
+    }
+    const Similarity S = align(estimate, truth, AlignmentKind::kSE3).S_G_E;
+    double sum = 0;
+    for (Eigen::Index i = 0; i < count; ++i)
+        sum += (S * Eigen::Vector3d(estimate.col(i)) - truth.col(i)).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(count));
+}
+
+// Of the path's error that a wrong rig makes, hardly anything is left: twice what there is with the
+// right one, here, since the recording must tell the rig, too.
+TEST(RigRefinement, TakesTheErrorOfAWrongRigAway) {
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 15;
+    simulation.sigma_px = 0.5;
+    simulation.features = 80;
+    const auto run = simulate_run(simulation);
+    BatchProblem problem = test::batch_problem(run);
+    BatchOptions doubt = options_of_doubt(), trust = options_of_trust();
+    doubt.sigma_px = trust.sigma_px = simulation.sigma_px;
+    doubt.covariances = trust.covariances = false;
+    const Estimate start = test::truth_from(run, {});
+    const double right = path_rmse(estimate_batch(problem, trust, start), run);
+    Random random(1, "rig");
+    const batch::Model model =
+        batch::make_model(problem, doubt, static_cast<int>(problem.frames.size()));
+    problem.rig = drawn(run.rig, batch::rig_sigmas(model, doubt), random);
+    const double wrong = path_rmse(estimate_batch(problem, trust, start), run);
+    const double refined = path_rmse(estimate_batch(problem, doubt, start), run);
+    EXPECT_LT(refined, 4 * right);
+    EXPECT_LT(refined, wrong / 10);
+}
+
+}  // namespace
+}  // namespace vio

@@ -1,0 +1,174 @@
+// Parts of the rig among the batch estimator's unknowns.
+#include <gtest/gtest.h>
+
+#include "libvio/batch/marginals.h"
+#include "libvio/batch/minimize.h"
+#include "libvio/batch/start.h"
+#include "tests/simulated_batch.h"
+
+namespace vio::batch {
+namespace {
+
+class RigRefined : public ::testing::Test {
+ protected:
+    RigRefined() {
+        test::SimulatedRunOptions simulation;
+        simulation.seconds = 1;
+        simulation.features = 30;
+        simulation.longest_track = 8;
+        run_ = simulate_run(simulation);
+        problem_ = test::batch_problem(run_);
+        for (size_t id = 0; id < run_.point_of_feature.size(); id += 3)
+            problem_.fiducials[static_cast<FeatureId>(id)] = {
+                run_.points[run_.point_of_feature[id]], Eigen::Matrix3d::Identity() * 1e-4};
+        options_.loss = "none";
+        options_.intrinsics_sigma = 3;
+        options_.extrinsics_rotation_sigma = 1;
+        options_.extrinsics_position_sigma = 0.02;
+        options_.time_offset_sigma = 0.004;
+        model_ = make_model(problem_, options_, static_cast<int>(problem_.frames.size()));
+        state_ = given_start(model_, test::truth_of(run_));
+        rig_.emplace(problem_, model_, rig_unknowns(model_, options_),
+                     rig_sigmas(model_, options_));
+        equations_.emplace(model_, make_layout(model_, options_));
+        objective_.emplace(model_, options_, Stage{});
+    }
+
+    double linearize() {
+        const double cost = objective_->linearize(state_, *equations_).total();
+        rig_->linearize(*objective_, state_, *equations_);
+        return cost + rig_->cost();
+    }
+
+    test::SimulatedRun run_;
+    BatchProblem problem_;
+    BatchOptions options_;
+    Model model_;
+    State state_;
+    std::optional<RigRefinement> rig_;
+    std::optional<NormalEquations> equations_;
+    std::optional<Objective> objective_;
+};
+
+// What is stated of the rig adds its distance from it, in standard deviations, squared.
+TEST_F(RigRefined, WhatIsStatedDrawsBack) {
+    const Eigen::VectorXd sigmas = rig_->sigmas();
+    const Eigen::Index n = sigmas.size();
+    ASSERT_EQ(n, 16);
+    ASSERT_EQ(static_cast<Eigen::Index>(rig_->names().size()), n);
+    ASSERT_TRUE(rig_->move(30 * sigmas.cwiseProduct(Eigen::VectorXd::LinSpaced(n, -1, 1)) /
+                               std::sqrt(static_cast<double>(n)),
+                           *objective_));
+    linearize();
+    const Eigen::VectorXd gradient = equations_->rig->gradient;
+    const Eigen::VectorXd of_images =
+        objective_->linearize_rig(state_, rig_unknowns(model_, options_), *equations_).gradient;
+    const double scale = (gradient - of_images).cwiseProduct(sigmas).norm();
+    for (Eigen::Index k = 0; k < n; ++k) {
+        Eigen::VectorXd step = Eigen::VectorXd::Zero(n);
+        double cost[2];
+        for (const int sign : {0, 1}) {
+            step(k) = (sign ? 1e-4 : -1e-4) * sigmas(k);
+            ASSERT_TRUE(rig_->move(step, *objective_));
+            cost[sign] = rig_->cost();
+            rig_->take_back(*objective_);
+        }
+        EXPECT_NEAR((cost[1] - cost[0]) / 2e-4 / 2, (gradient(k) - of_images(k)) * sigmas(k),
+                    1e-5 * scale)
+            << rig_->names()[static_cast<size_t>(k)];
+    }
+}
+
+// A step of everything lowers the cost by what it promises, and leads to the minimum.
+TEST_F(RigRefined, StepsLeadToTheMinimum) {
+    minimize(*objective_, *equations_, {}, state_, &*rig_);
+    const double least = linearize();
+    const Eigen::VectorXd found = rig_->change();
+    ASSERT_TRUE(rig_->move(0.3 * rig_->sigmas(), *objective_));
+    double cost = linearize();
+    for (int i = 0; i < 4; ++i) {
+        Step step;
+        ASSERT_TRUE(equations_->solve(0, step));
+        const double promised = equations_->predicted_decrease(step);
+        State next;
+        objective_->apply(state_, step, equations_->layout(), next);
+        ASSERT_TRUE(rig_->move(step.rig, *objective_));
+        state_ = next;
+        const double now = linearize();
+        if (i == 1) {
+            EXPECT_NEAR(cost - now, promised, 0.05 * promised + 1e-6);
+        }
+        cost = now;
+    }
+    EXPECT_NEAR(cost, least, 1e-3);
+    EXPECT_LT((rig_->change() - found).cwiseQuotient(rig_->sigmas()).norm(), 1e-2);
+}
+
+// All covariances that are published are blocks of the inverse of the whole information matrix, the
+// rig's unknowns among the others.
+TEST_F(RigRefined, MarginalsAreThoseOfTheDenseInverse) {
+    minimize(*objective_, *equations_, {}, state_, &*rig_);
+    linearize();
+    const Layout& layout = equations_->layout();
+    const int n = equations_->matrix.size(), m = static_cast<int>(model_.points.size()),
+              r = static_cast<int>(rig_->sigmas().size()), all = n + 3 * m + r;
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(all, all);
+    for (int col = 0; col < static_cast<int>(layout.block_dims().size()); ++col)
+        for (int row : equations_->matrix.rows(col))
+            H.block(equations_->matrix.offset(row), equations_->matrix.offset(col),
+                    equations_->matrix.dim(row), equations_->matrix.dim(col)) =
+                equations_->matrix.block(row, col);
+    for (int j = 0; j < m; ++j) H.block<3, 3>(n + 3 * j, n + 3 * j) = equations_->V[j];
+    for (size_t k = 0; k < model_.observations.size(); ++k) {
+        const Observation& o = model_.observations[k];
+        H.block<3, 6>(n + 3 * o.point_idx, layout.index(o.frame_idx, 0)) +=
+            equations_->W[k].transpose();
+    }
+    H.bottomRows(r) << equations_->rig->reduced.transpose(), equations_->rig->points.transpose(),
+        equations_->rig->H;
+    Eigen::MatrixXd scaled = H.selfadjointView<Eigen::Lower>();
+    const Eigen::VectorXd scale = scaled.diagonal().cwiseSqrt().cwiseInverse();
+    scaled = (scale.asDiagonal() * scaled * scale.asDiagonal()).eval();
+    const Eigen::MatrixXd dense = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
+
+    bool singular = false;
+    const Estimate estimate = publish(model_, *objective_, state_, {}, &*equations_, singular);
+    ASSERT_FALSE(singular);
+    ASSERT_TRUE(equations_->rig_solution());
+    const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+        EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
+    };
+    close(rig_->sigmas().cwiseInverse().asDiagonal() * equations_->rig_solution()->covariance *
+              rig_->sigmas().cwiseInverse().asDiagonal(),
+          rig_->sigmas().cwiseInverse().asDiagonal() * dense.bottomRightCorner(r, r) *
+              rig_->sigmas().cwiseInverse().asDiagonal());
+    for (int i = 0; i < model_.frames(); ++i) {
+        const int gyro = layout.index(i, kGyroBias), rotation = layout.index(i, kRotation);
+        const auto& C = estimate.states[i].covariance;
+        const Eigen::Matrix3d R_B_I = model_.T_I_B.R.transpose();
+        close(C.block<3, 3>(kGyroBias, kGyroBias), dense.block<3, 3>(gyro, gyro));
+        close(C.block<3, 3>(kRotation, kRotation),
+              R_B_I * dense.block<3, 3>(rotation, rotation) * R_B_I.transpose());
+    }
+    std::map<FeatureId, int> column;
+    for (int j = 0; j < m; ++j) column[model_.points[j].id] = n + 3 * j;
+    for (const LandmarkEstimate& landmark : estimate.landmarks) {
+        const int k = column.at(landmark.id);
+        close(landmark.covariance, dense.block<3, 3>(k, k));
+    }
+    const auto tail = publish_tail(model_, *objective_, state_, *equations_);
+    ASSERT_TRUE(tail);
+    for (size_t a = 0; a < tail->landmarks.size(); ++a) {
+        const int k = column.at(tail->landmarks[a].id),
+                  gyro = layout.index(model_.frames() - 1, kGyroBias);
+        close(tail->landmarks[a].covariance, dense.block<3, 3>(k, k));
+        EXPECT_LT((tail->covariance.block<3, 3>(15 + 3 * static_cast<int>(a), kGyroBias) -
+                   dense.block<3, 3>(k, gyro))
+                      .norm(),
+                  1e-6 * std::sqrt(dense.block<3, 3>(k, k).norm() *
+                                   dense.block<3, 3>(gyro, gyro).norm()));
+    }
+}
+
+}  // namespace
+}  // namespace vio::batch
