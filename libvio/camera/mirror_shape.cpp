@@ -13,7 +13,7 @@ using Kind = MirrorShapeParameters::Kind;
 
 constexpr double kBeyondRim = 1.2;  // radius that the shape is continued to, over the rim's
 constexpr double kShortOfEnd = 0.98;
-constexpr double kEdge = 1e-9;  // rounding at blind spot and rim, relative
+constexpr double kRelativeEdge = 1e-9;  // rounding at blind spot and rim, relative
 
 void check(bool good, const char* problem) {
     if (!good) throw InputError(std::string("camera calibration: ") + problem);
@@ -167,7 +167,7 @@ Eigen::Vector2d MirrorShape::guess(const Eigen::Vector3d& p_M) const {
 
 bool MirrorShape::used(const Eigen::Vector2d& q) const {
     const double w = q.squaredNorm();
-    return w >= blind_w_ * (1 - kEdge) && w <= rim_w_ * (1 + kEdge);
+    return w >= blind_w_ * (1 - kRelativeEdge) && w <= rim_w_ * (1 + kRelativeEdge);
 }
 
 }  // namespace vio

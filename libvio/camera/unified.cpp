@@ -7,8 +7,8 @@
 namespace vio {
 namespace {
 
-constexpr double kGrazing = 1e-6;  // kept off s_z's limit
-constexpr double kEdge = 1e-9;     // rounding at min_angle and max_angle [rad]
+constexpr double kGrazing = 1e-6;    // kept off s_z's limit
+constexpr double kAngleEdge = 1e-9;  // rounding at min_angle and max_angle [rad]
 
 }  // namespace
 
@@ -49,7 +49,7 @@ std::optional<Ray> UnifiedCamera::ray(const Eigen::Vector2d& uv_px) const {
     Eigen::Vector3d s = (xi * d.z() + std::sqrt(under_root)) * d - Eigen::Vector3d(0, 0, xi);
     if (!(s.z() > least_z_)) return std::nullopt;
     const double angle = std::atan2(s.head<2>().norm(), s.z());
-    if (angle < parameters_.min_angle - kEdge || angle > parameters_.max_angle + kEdge)
+    if (angle < parameters_.min_angle - kAngleEdge || angle > parameters_.max_angle + kAngleEdge)
         return std::nullopt;
     s.z() *= z_sign_;
     return Ray{Eigen::Vector3d::Zero(), s.normalized()};

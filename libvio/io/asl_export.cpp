@@ -55,13 +55,6 @@ class Table {
     TimeNs first_ = 0, last_ = 0;
 };
 
-template <typename Numbers>
-std::string joined(const Numbers& numbers, const char* separator = ",") {
-    std::string text;
-    for (const double number : numbers) text += (text.empty() ? "" : separator) + format(number);
-    return text;
-}
-
 std::string transform(const Pose& T) {
     std::string text = "T_BS:\n  cols: 4\n  rows: 4\n  data: [";
     for (int i = 0; i < 3; ++i) text += joined(T.R.row(i), ", ") + ", " + format(T.p(i)) + ", ";

@@ -8,14 +8,6 @@
 namespace vio {
 namespace {
 
-template <typename Vector>
-std::string joined(const Vector& numbers, const char* separator) {
-    std::string text;
-    for (Eigen::Index i = 0; i < numbers.size(); ++i)
-        text += (i ? separator : "") + format(numbers(i));
-    return text;
-}
-
 Eigen::Vector4d wxyz(const Eigen::Matrix3d& R) {
     Eigen::Quaterniond q(R);
     if (q.w() < 0) q.coeffs() *= -1;

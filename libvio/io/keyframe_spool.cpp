@@ -21,10 +21,6 @@
 namespace vio {
 namespace {
 
-InputError disk_full(const std::string& file) {
-    return InputError(file + ": cannot be written; check folder and space");
-}
-
 // The camera turned to MRPT's convention for sensors: x forward, y to the left, z up.
 Pose forward_sensor(const Pose& T_B_C) {
     Pose T_C_S;
@@ -71,7 +67,7 @@ mrpt::obs::CSensoryFrame sighted(const FeatureFrame& frame, const Pose& T_W_B, c
 KeyframeSpool::KeyframeSpool(const std::string& file, const Rig& rig)
     : file_(file), rig_(rig), out_(file) {
     register_mrpt_classes();
-    if (!out_.fileOpenCorrectly()) throw disk_full(file_);
+    if (!out_.fileOpenCorrectly()) throw cannot_write(file_);
 }
 
 void KeyframeSpool::add(const FeatureFrame& frame, const StateEstimate& state) {
@@ -96,7 +92,7 @@ void KeyframeSpool::write_map(const std::string& name, LandmarkSpool& landmarks)
     const size_t size = empty.getTotalBytesCount();
     constexpr size_t kEnd = 1;
     mrpt::io::CFileGZOutputStream gz;
-    if (!gz.open(name)) throw disk_full(name);
+    if (!gz.open(name)) throw cannot_write(name);
     gz.Write(bytes, size - kEnd - sizeof count_);
     gz.Write(&count_, sizeof count_);
     mrpt::io::CFileInputStream in(file_);

@@ -8,14 +8,6 @@
 #include "libvio/io/text.h"
 
 namespace vio {
-namespace {
-
-InputError disk_full(const std::string& file) {
-    return InputError(file + ": cannot be written; check folder and space");
-}
-
-}  // namespace
-
 LandmarkSpool::LandmarkSpool(const std::string& file)
     : file_(file), out_(file, std::ios::binary | std::ios::trunc) {}
 
@@ -33,7 +25,7 @@ void LandmarkSpool::add(const LandmarkEstimate& landmark) {
         colour_ = LandmarkColour::kImage;
     }
     out_.write(reinterpret_cast<const char*>(&r), sizeof r);
-    if (!out_) throw disk_full(file_);
+    if (!out_) throw cannot_write(file_);
 }
 
 LandmarkEstimate LandmarkSpool::read(std::int64_t record) {
@@ -54,7 +46,7 @@ LandmarkEstimate LandmarkSpool::read(std::int64_t record) {
 }
 
 void LandmarkSpool::close() {
-    if (!out_.flush()) throw disk_full(file_);
+    if (!out_.flush()) throw cannot_write(file_);
     in_.open(file_, std::ios::binary);
     const auto count =
         static_cast<std::int64_t>(std::filesystem::file_size(file_) / sizeof(Record));
@@ -90,7 +82,7 @@ void LandmarkSpool::write_ply(const std::string& name) {
         const LandmarkEstimate landmark = read(place.record);
         out << ply_row(landmark, colours.rgb(landmark));
     }
-    if (!out.flush()) throw disk_full(name);
+    if (!out.flush()) throw cannot_write(name);
 }
 
 // As mrpt::maps::CSimplePointsMap writes and reads it.
@@ -102,7 +94,7 @@ void LandmarkSpool::write_text(const std::string& name) {
         std::snprintf(row, sizeof row, "%f %f %f\n", double(p.x()), double(p.y()), double(p.z()));
         out << row;
     }
-    if (!out.flush()) throw disk_full(name);
+    if (!out.flush()) throw cannot_write(name);
 }
 
 void LandmarkSpool::remove() {

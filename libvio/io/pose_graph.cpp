@@ -28,7 +28,7 @@ std::optional<Matrix6d> information(const RelativeMotion& motion) {
     return scale.asDiagonal() * llt.solve(Matrix6d::Identity()) * scale.asDiagonal();
 }
 
-std::string pose_text(const Pose& T) {
+std::string row_text(const Pose& T) {
     const auto pose = to_mrpt(T);
     std::string text;
     for (const double value : {pose.x(), pose.y(), pose.z(), pose.roll(), pose.pitch(), pose.yaw()})
@@ -61,7 +61,7 @@ bool PoseGraphWriter::Impl::place(const Estimate& piece, TimeNs t, TimedPose& fo
 
 void PoseGraphWriter::Impl::write(const std::string& text) {
     out << text;
-    if (!out.flush()) throw InputError(file + ": cannot be written; check folder and space");
+    if (!out.flush()) throw cannot_write(file);
 }
 
 PoseGraphWriter::PoseGraphWriter(const std::string& file) : impl_(std::make_unique<Impl>()) {
@@ -80,7 +80,7 @@ void PoseGraphWriter::add(const Estimate& piece) {
     Impl& g = *impl_;
     const auto add_node = [&](const TimedPose& node) {
         g.node = node;
-        g.write("VERTEX3 " + std::to_string(++g.id) + pose_text(node.T_W_B) + '\n');
+        g.write("VERTEX3 " + std::to_string(++g.id) + row_text(node.T_W_B) + '\n');
         if (g.id == 0) g.write("FIX 0\n");
     };
     for (const RelativeMotion& motion : piece.keyframe_motions) {
@@ -92,7 +92,7 @@ void PoseGraphWriter::add(const Estimate& piece) {
         if (g.id < 0 || g.node.t != from.t) add_node(from);
         add_node(to);
         std::string edge = "EDGE3 " + std::to_string(g.id - 1) + ' ' + std::to_string(g.id) +
-                           pose_text(motion.T_A_B);
+                           row_text(motion.T_A_B);
         for (size_t r = 0; r < 6; ++r)
             for (size_t c = r; c < 6; ++c)
                 edge += ' ' + format((*inverse)(kFileOrder[r], kFileOrder[c]));

@@ -25,10 +25,6 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
 
-InputError disk_full(const std::string& file) {
-    return InputError(file + ": cannot be written; check folder and space");
-}
-
 // ---- Rows of the path ---------------------------------------------------------------------------
 
 /// A file that is valid after every append.
@@ -40,7 +36,7 @@ class GrowingText {
     }
     void append(const std::string& text) {
         out_ << text;
-        if (!out_.flush()) throw disk_full(file_);
+        if (!out_.flush()) throw cannot_write(file_);
     }
 
  private:

@@ -83,6 +83,10 @@ std::string format(double value) {
     return {buffer, end};
 }
 
+InputError cannot_write(const std::string& file) {
+    return InputError(file + ": cannot be written; check folder and space");
+}
+
 std::string format_seconds(TimeNs t) {
     const TimeNs magnitude = t < 0 ? -t : t;
     std::string fraction = std::to_string(magnitude % 1000000000);
@@ -131,7 +135,7 @@ void write_text(const std::string& file, const std::string& text) {
     write_complete(file, [&](const std::string& temporary) {
         std::ofstream out(temporary, std::ios::binary);
         out << text;
-        if (!out.flush()) throw InputError(file + ": cannot be written; check folder and space");
+        if (!out.flush()) throw cannot_write(file);
     });
 }
 

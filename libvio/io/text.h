@@ -27,10 +27,21 @@ std::string format(double value);
 /// Seconds with nine decimals, exact.
 std::string format_seconds(TimeNs t);
 
+/// Numbers as format() gives them, with the separator between them.
+template <typename Numbers>
+std::string joined(const Numbers& numbers, const char* separator = ",") {
+    std::string text;
+    for (const double number : numbers) text += (text.empty() ? "" : separator) + format(number);
+    return text;
+}
+
 std::string read_text(const std::string& file);
 
 /// One line: message of an exception without line breaks.
 std::string one_line(std::string_view text);
+
+/// What to throw where a file cannot be written.
+InputError cannot_write(const std::string& file);
 
 /// Writes a file by calling write(temporary name) and renaming, so that it appears complete or not
 /// at all. Throws InputError if that fails, and whatever write throws.

@@ -8,6 +8,7 @@
 
 #include "libvio/camera/perspective.h"
 #include "libvio/io/rawlog_writer.h"
+#include "libvio/io/text.h"
 #include "tests/cli/program.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -44,10 +45,6 @@ void write_rawlog(const std::string& file, const Content& content) {
         }
     }
     writer.finish();
-}
-
-void write_text(const std::string& file, const std::string& text) {
-    std::ofstream(file) << text;
 }
 
 class Cli : public ::testing::Test {

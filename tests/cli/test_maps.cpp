@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "libvio/io/ply.h"
+#include "libvio/io/text.h"
 #include "tests/cli/program.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -17,10 +18,6 @@ namespace fs = std::filesystem;
 
 const std::string kDemo = VIO_SOURCE_DIR "/datasets/demo.rawlog";
 const std::string kTruth = VIO_SOURCE_DIR "/datasets/demo.truth.tum";
-
-void write_text(const std::string& file, const std::string& text) {
-    std::ofstream(file) << text;
-}
 
 class Maps : public testing::Test {
  protected:

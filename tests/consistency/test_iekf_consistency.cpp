@@ -9,15 +9,15 @@
 namespace vio {
 namespace {
 
-struct Nees {
+struct FilterNees {
     double position = 0, rotation = 0;  ///< mean over runs and images, per degree of freedom
     double position_rmse = 0;           ///< [m]
     double innovations = 0;             ///< of the images, per degree of freedom
     double innovations_rms_px = 0;
 };
 
-Nees measured(const IekfOptions& options, int seeds, double seconds) {
-    Nees mean;
+FilterNees measured(const IekfOptions& options, int seeds, double seconds) {
+    FilterNees mean;
     int count = 0, innovations_dof = 0;
     for (int seed = 1; seed <= seeds; ++seed) {
         test::SimulatedRunOptions simulated;
@@ -69,7 +69,7 @@ IekfOptions simulated_sensor() {
 // samples with three degrees of freedom each, whose mean has a standard deviation of
 // sqrt(2 / 360) = 0.075; bounds at four of them.
 TEST(IekfConsistency, ErrorsMatchTheirCovariance) {
-    const Nees nees = measured(simulated_sensor(), 24, 15);
+    const FilterNees nees = measured(simulated_sensor(), 24, 15);
     RecordProperty("position", std::to_string(nees.position));
     RecordProperty("rotation", std::to_string(nees.rotation));
     EXPECT_GT(nees.position, 0.7);

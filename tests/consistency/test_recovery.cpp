@@ -158,13 +158,13 @@ struct Fault {
     enum { kDark, kNoImages, kNoReadings } kind = kDark;
 };
 
-struct Outcome {
+struct FaultOutcome {
     int images = 0, lost = 0, lost_at_end = 0, states = 0;
     double worst = 0;  // squared Mahalanobis distance of position, where not lost
     std::string said;
 };
 
-Outcome with_fault(const Fault& fault, unsigned seed) {
+FaultOutcome with_fault(const Fault& fault, unsigned seed) {
     test::SimulatedRunOptions simulated;
     simulated.seed = seed;
     simulated.seconds = 30;
@@ -187,7 +187,7 @@ Outcome with_fault(const Fault& fault, unsigned seed) {
     filter.start(test::sampled_start(run, 10, seed + 100));
     test::feed(filter, run.readings, run.frames, 0, 10);
     filter.finish();
-    Outcome outcome;
+    FaultOutcome outcome;
     outcome.images = static_cast<int>(run.frames.size()) - 11;
     std::size_t i = 0;
     for (const StateEstimate& state : filter.estimate().states) {
@@ -215,7 +215,7 @@ TEST(Recovery, StaysHonestAndComesBackAfterImagesOrReadingsWereMissing) {
                             {10, 0.5, Fault::kNoReadings},
                             {10, 5, Fault::kNoReadings}};
     for (const Fault& fault : faults) {
-        const Outcome outcome = with_fault(fault, 2);
+        const FaultOutcome outcome = with_fault(fault, 2);
         SCOPED_TRACE("kind " + std::to_string(fault.kind) + ", " + std::to_string(fault.seconds) +
                      " s\n" + outcome.said);
         EXPECT_GE(outcome.states, outcome.images - 1);

@@ -24,7 +24,6 @@ using Eigen::Matrix3d;
 using Eigen::Matrix4d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using nlohmann::json;
 
 constexpr double kTolerance = 1e-9;  // [m], [rad]
 
@@ -117,7 +116,7 @@ double angle(const Matrix4d& E) {
     return 2 * std::atan2(q.vec().norm(), std::abs(q.w()));
 }
 
-void expect_statistics(const json& ours, std::vector<double> errors, double unit,
+void expect_statistics(const nlohmann::json& ours, std::vector<double> errors, double unit,
                        const std::string& what) {
     ASSERT_EQ(ours["count"].get<size_t>(), errors.size()) << what;
     std::sort(errors.begin(), errors.end());
@@ -142,8 +141,8 @@ void expect_statistics(const json& ours, std::vector<double> errors, double unit
 
 // For each pose the later one whose abscissa is nearest to `step` on, within a tenth of it; evo's
 // all pairs, chosen along the reference.
-void expect_steps(const json& ours, const Pairs& pairs, const std::vector<double>& x, double step,
-                  const std::string& what) {
+void expect_steps(const nlohmann::json& ours, const Pairs& pairs, const std::vector<double>& x,
+                  double step, const std::string& what) {
     std::vector<double> translation, rotation;
     for (size_t i = 0; i + 1 < x.size(); ++i) {
         size_t best = i + 1;
@@ -180,7 +179,7 @@ void expect_evo(const ScratchFolder& folder, const std::string& estimate,
                          " --json --rpe-time 1" + " --rpe-distance " + std::to_string(distance),
                      folder.path().string());
         ASSERT_EQ(run.exit_code, 0) << run.err;
-        const json ours = json::parse(run.out);
+        const nlohmann::json ours = nlohmann::json::parse(run.out);
         expect_statistics(ours["position_m"], ape, 1, align + " APE");
         expect_statistics(ours["rotation_deg"], angles, M_PI / 180, align + " APE angle");
         expect_steps(ours["relative_over_distance"][0], pairs, path, distance,

@@ -4,7 +4,8 @@
 # whole suite: tests/README.md.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
-cmake --preset asan-ubsan -B build/readers -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O0 -g1" >/dev/null
+cmake --preset asan-ubsan -B build/readers -DVIO_UNITY_TESTS=ON \
+    -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O0 -g1" >/dev/null
 cmake --build build/readers --target vio_reader_tests
 export LSAN_OPTIONS="suppressions=tests/sanitizers/leaks.supp:print_suppressions=0" \
     UBSAN_OPTIONS="suppressions=tests/sanitizers/undefined.supp:halt_on_error=1:print_stacktrace=1"

@@ -13,17 +13,17 @@ namespace {
 
 using test::error_of;
 
-constexpr double kRate = 50;
+constexpr double kImuRate = 50;
 
-// White noise and random walk as densities, at kRate.
+// White noise and random walk as densities, at kImuRate.
 std::vector<double> noise(double density, double walk, size_t count, unsigned seed) {
     std::mt19937_64 rng(seed);
     std::normal_distribution<double> normal;
     std::vector<double> values(count);
     double bias = 0;
     for (double& value : values) {
-        bias += walk / std::sqrt(kRate) * normal(rng);
-        value = bias + density * std::sqrt(kRate) * normal(rng);
+        bias += walk / std::sqrt(kImuRate) * normal(rng);
+        value = bias + density * std::sqrt(kImuRate) * normal(rng);
     }
     return values;
 }
@@ -35,7 +35,7 @@ std::vector<double> flicker(double instability, size_t count, unsigned seed) {
     std::normal_distribution<double> normal;
     std::vector<double> values(count, 0.0);
     for (double T = 0.05; T < 20000; T *= 2) {
-        const double decay = std::exp(-1 / (kRate * T));
+        const double decay = std::exp(-1 / (kImuRate * T));
         const double step = std::sqrt(1 - decay * decay);
         double state = normal(rng);
         for (double& value : values) {
@@ -69,7 +69,7 @@ TEST(AllanDeviation, DensitiesLieWithinTheStatedErrors) {
     int flickers = 0;
     for (unsigned seed = 0; seed < kRuns; ++seed) {
         const auto levels = allan_levels(
-            noise(kDensity, kWalk, static_cast<size_t>(7200 * kRate), seed), 1 / kRate);
+            noise(kDensity, kWalk, static_cast<size_t>(7200 * kImuRate), seed), 1 / kImuRate);
         const AllanFit fit = fit_allan(levels);
         EXPECT_TRUE(fit.random_walk.determined) << seed;
         flickers += fit.bias_instability.determined;
@@ -86,10 +86,10 @@ TEST(AllanDeviation, DensitiesLieWithinTheStatedErrors) {
 
 TEST(AllanDeviation, FlickerIsTold) {
     constexpr double kDensity = 1e-4, kInstability = 1e-4;
-    auto values = flicker(kInstability, static_cast<size_t>(7200 * kRate), 1);
+    auto values = flicker(kInstability, static_cast<size_t>(7200 * kImuRate), 1);
     const auto white = noise(kDensity, 0, values.size(), 2);
     for (size_t i = 0; i < values.size(); ++i) values[i] += white[i];
-    const AllanFit fit = fit_allan(allan_levels(values, 1 / kRate));
+    const AllanFit fit = fit_allan(allan_levels(values, 1 / kImuRate));
     EXPECT_TRUE(fit.bias_instability.determined);
     // The sum of octaves stands for flicker to a few per cent.
     EXPECT_NEAR(fit.bias_instability.value, kInstability,
@@ -111,7 +111,7 @@ TEST(AllanDeviation, CoveringWalkIsThatOfDataSheets) {
 }
 
 std::vector<ImuReading> recording(double seconds, unsigned seed, double walk = 0) {
-    const auto count = static_cast<size_t>(seconds * kRate);
+    const auto count = static_cast<size_t>(seconds * kImuRate);
     std::array<std::vector<double>, 6> axes;
     for (size_t a = 0; a < 6; ++a)
         axes[a] = noise(a < 3 ? 1e-3 : 1e-2, walk, count, 10 * seed + static_cast<unsigned>(a));
@@ -129,7 +129,7 @@ std::vector<ImuReading> recording(double seconds, unsigned seed, double walk = 0
 TEST(ImuNoise, OfARecordingAtRestIsFound) {
     const auto e = estimate_imu_noise(recording(3600, 1, 1e-4));
     EXPECT_TRUE(e.warnings.empty()) << e.warnings.front();
-    EXPECT_NEAR(e.rate, kRate, 1e-6);
+    EXPECT_NEAR(e.rate, kImuRate, 1e-6);
     EXPECT_NEAR(e.noise.gyro_noise_density, 1e-3, 3 * e.gyro.all.noise_density.sigma);
     EXPECT_NEAR(e.noise.accel_noise_density, 1e-2, 3 * e.accel.all.noise_density.sigma);
     EXPECT_NEAR(e.noise.gyro_bias_random_walk, 1e-4, 3 * e.gyro.all.random_walk.sigma);
@@ -147,7 +147,7 @@ TEST(ImuNoise, AShortRecordingGivesABoundAndAWarning) {
 
 TEST(ImuNoise, MotionIsLeftOut) {
     auto readings = recording(1200, 3);
-    const auto from = static_cast<size_t>(400 * kRate);
+    const auto from = static_cast<size_t>(400 * kImuRate);
     for (size_t i = from; i < from + 300; ++i) readings[i].gyro.x() += 0.3;
     const auto e = estimate_imu_noise(readings);
     ASSERT_GE(e.warnings.size(), 2u);
@@ -160,7 +160,7 @@ TEST(ImuNoise, MotionIsLeftOut) {
 TEST(ImuNoise, AKnockBelowTheLimitOfRatesIsSeen) {
     auto readings = recording(600, 4);
     // The table is pushed: the tilt changes by a degree.
-    for (size_t i = static_cast<size_t>(200 * kRate); i < readings.size(); ++i)
+    for (size_t i = static_cast<size_t>(200 * kImuRate); i < readings.size(); ++i)
         readings[i].accel.x() += 0.17;
     const auto e = estimate_imu_noise(readings);
     ASSERT_FALSE(e.warnings.empty());
@@ -179,7 +179,7 @@ TEST(ImuNoise, GapsAreLeftOut) {
 TEST(ImuNoise, MotionThroughoutAndTooLittleAreRefused) {
     auto readings = recording(300, 6);
     for (size_t i = 0; i < readings.size(); ++i)
-        readings[i].gyro.y() += 0.5 * std::sin(2 * static_cast<double>(i) / kRate);
+        readings[i].gyro.y() += 0.5 * std::sin(2 * static_cast<double>(i) / kImuRate);
     EXPECT_NE(error_of([&] { estimate_imu_noise(readings); }).find("no minute at rest"),
               std::string::npos);
     EXPECT_NE(error_of([&] { estimate_imu_noise(recording(59, 7)); }).find("shorter than a minute"),

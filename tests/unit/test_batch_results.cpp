@@ -13,7 +13,7 @@
 namespace vio::batch {
 namespace {
 
-test::SimulatedRunOptions short_run(unsigned seed = 1) {
+test::SimulatedRunOptions short_run_options(unsigned seed = 1) {
     test::SimulatedRunOptions options;
     options.seed = seed;
     options.seconds = 1;
@@ -54,7 +54,7 @@ Eigen::MatrixXd dense_covariance(NormalEquations& equations, const Model& model)
 }
 
 TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
-    const auto run = simulate_run(short_run());
+    const auto run = test::simulate_run(short_run_options());
     const BatchProblem problem = surveyed_problem(run);
     const BatchOptions options;
     const Model model = make_model(problem, options, static_cast<int>(problem.frames.size()));
@@ -111,7 +111,7 @@ TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
 // As MRPT's pose with covariance in (x, y, z, yaw, pitch, roll): that of the marginal, mapped by
 // the numerical derivative of MRPT's own coordinates.
 TEST(BatchResults, PosePdfIsTheMarginal) {
-    const auto run = simulate_run(short_run());
+    const auto run = test::simulate_run(short_run_options());
     const BatchResult result = estimate_batch(test::batch_problem(run), {});
     ASSERT_TRUE(result.report.converged) << result.report.reason;
     for (size_t i = 1; i < result.estimate.states.size(); i += 4) {
@@ -140,9 +140,9 @@ class BatchLoss : public ::testing::TestWithParam<std::string> {};
 TEST_P(BatchLoss, WithstandsOutliersThatAreLeftIn) {
     double robust = 0, square = 0;
     for (unsigned seed = 1; seed <= 3; ++seed) {
-        auto simulation = short_run(seed);
+        auto simulation = short_run_options(seed);
         simulation.outliers = 0.01;
-        const auto run = simulate_run(simulation);
+        const auto run = test::simulate_run(simulation);
         const auto error = [&](const std::string& loss) {
             BatchOptions options;
             options.loss = loss;
@@ -164,9 +164,9 @@ TEST_P(BatchLoss, WithstandsOutliersThatAreLeftIn) {
 
 // The IRLS gradient is that of the robust cost itself.
 TEST_P(BatchLoss, GradientIsTheDerivativeOfTheCost) {
-    auto simulation = short_run();
+    auto simulation = short_run_options();
     simulation.sigma_px = 3;  // so that many residuals are in the loss's tail
-    const auto run = simulate_run(simulation);
+    const auto run = test::simulate_run(simulation);
     const BatchProblem problem = test::batch_problem(run);
     const BatchOptions options;
     const Model model = make_model(problem, options, static_cast<int>(problem.frames.size()));
@@ -194,9 +194,9 @@ TEST(BatchResults, TextureCovariancesAreUsed) {
     double directional = 0, isotropic = 0, nees = 0;
     constexpr unsigned kSeeds = 8;
     for (unsigned seed = 1; seed <= kSeeds; ++seed) {
-        auto simulation = short_run(seed);
+        auto simulation = short_run_options(seed);
         simulation.sigma_px = 0;
-        const auto run = simulate_run(simulation);
+        const auto run = test::simulate_run(simulation);
         BatchProblem problem = test::batch_problem(run);
         std::mt19937 engine(seed);
         std::normal_distribution<double> normal;
@@ -235,9 +235,9 @@ TEST(BatchResults, TextureCovariancesAreUsed) {
 
 // Features that follow nothing: the estimate is not given out as a result.
 TEST(BatchResults, AStartThatMostObservationsContradictIsNoResult) {
-    auto simulation = short_run();
+    auto simulation = short_run_options();
     simulation.outliers = 0.8;
-    const auto run = simulate_run(simulation);
+    const auto run = test::simulate_run(simulation);
     const BatchResult result = estimate_batch(test::batch_problem(run), {}, test::truth_of(run));
     EXPECT_FALSE(result.report.converged);
     EXPECT_TRUE(result.estimate.states.empty());
@@ -246,10 +246,10 @@ TEST(BatchResults, AStartThatMostObservationsContradictIsNoResult) {
 
 // Image-only, the scale stays what the start makes it, and the shape is as good.
 TEST(BatchResults, ImageOnlyKeepsTheScaleOfItsStart) {
-    auto simulation = short_run();
+    auto simulation = short_run_options();
     simulation.seconds = 2;
     simulation.longest_track = 40;
-    const auto run = simulate_run(simulation);
+    const auto run = test::simulate_run(simulation);
     const BatchProblem problem = test::batch_problem(run, false);
     for (const double scale : {1.0, 2.0}) {
         Estimate start = test::truth_of(run);

@@ -80,7 +80,7 @@ void expect_same(const Camera& a, const Camera& b) {
     EXPECT_LT(x.T_C_M.boxminus(y.T_C_M).norm(), 1e-15);
 }
 
-std::string error_of(const std::string& file, Rig rig = {}) {
+std::string reading_error(const std::string& file, Rig rig = {}) {
     try {
         load_calibration(file, rig);
     } catch (const InputError& error) {
@@ -121,7 +121,7 @@ TEST_P(EveryModel, TravelsWithARawlog) {
 TEST_P(EveryModel, NeedsAllItsKeysWhereNoCameraIsKnown) {
     ScratchFolder folder;
     write_text(folder / "c.ini", "[camera]\nmodel = " + GetParam() + "\nfx = 100\n");
-    EXPECT_NE(error_of(folder / "c.ini").find("width is missing"), std::string::npos);
+    EXPECT_NE(reading_error(folder / "c.ini").find("width is missing"), std::string::npos);
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, EveryModel, ::testing::ValuesIn(camera_models()),
@@ -145,12 +145,12 @@ TEST(Calibration, MirrorCameraWithoutItsFileIsAClearError) {
 TEST(Calibration, KeysOfAnotherModelAreRefused) {
     ScratchFolder folder;
     write_text(folder / "c.ini", "[camera]\nxi = 0.9\n");
-    EXPECT_NE(error_of(folder / "c.ini", rig_with("perspective")).find("no such key"),
+    EXPECT_NE(reading_error(folder / "c.ini", rig_with("perspective")).find("no such key"),
               std::string::npos);
     write_text(folder / "c.ini", "[camera]\nmodel = pinhole\n");
-    EXPECT_NE(error_of(folder / "c.ini").find("no camera model"), std::string::npos);
+    EXPECT_NE(reading_error(folder / "c.ini").find("no camera model"), std::string::npos);
     write_text(folder / "c.ini", "[camera]\ngain = 0.5\n");
-    EXPECT_NE(error_of(folder / "c.ini", rig_with("equiangular_mirror")).find("gain"),
+    EXPECT_NE(reading_error(folder / "c.ini", rig_with("equiangular_mirror")).find("gain"),
               std::string::npos);
 }
 
@@ -228,9 +228,9 @@ TEST(Calibration, ReadsKalibrsFiles) {
     EXPECT_EQ(describe(*rig.camera).lens.fy, 801);
 
     write_text(folder / "bad.yaml", "cam0:\n  camera_model: ds\n");
-    EXPECT_NE(error_of(folder / "bad.yaml").find("'ds' is not known"), std::string::npos);
+    EXPECT_NE(reading_error(folder / "bad.yaml").find("'ds' is not known"), std::string::npos);
     write_text(folder / "other.yaml", "foo: 1\n");
-    EXPECT_NE(error_of(folder / "other.yaml").find("no calibration known"), std::string::npos);
+    EXPECT_NE(reading_error(folder / "other.yaml").find("no calibration known"), std::string::npos);
 }
 
 }  // namespace

@@ -19,7 +19,7 @@
 namespace vio {
 namespace {
 
-Estimate made_estimate() {
+Estimate estimate_with_motions() {
     Estimate estimate;
     for (int i = 0; i < 6; ++i) {
         StateEstimate state;
@@ -54,7 +54,7 @@ TEST(RelativePose, HasTheJacobianOfSmallMoves) {
 #ifdef VIO_HAVE_MRPT_GRAPHS
 TEST(PoseGraph, IsReadByMrptWithEveryNumber) {
     const test::ScratchFolder folder;
-    const Estimate estimate = made_estimate();
+    const Estimate estimate = estimate_with_motions();
     write_pose_graph(folder / "x.graph", estimate);
     mrpt::graphs::CNetworkOfPoses3DInf graph;
     graph.loadFromTextFile(folder / "x.graph");
@@ -90,7 +90,7 @@ TEST(PoseGraph, IsReadByMrptWithEveryNumber) {
 // Independent of MRPT's reader: the 21 numbers of an edge, angles in the order roll, pitch, yaw.
 TEST(PoseGraph, EdgesHoldTheWholeInformationMatrix) {
     const test::ScratchFolder folder;
-    const Estimate estimate = made_estimate();
+    const Estimate estimate = estimate_with_motions();
     write_pose_graph(folder / "x.graph", estimate);
     TextRows rows(folder / "x.graph");
     size_t edges = 0;
@@ -117,7 +117,7 @@ TEST(PoseGraph, EdgesHoldTheWholeInformationMatrix) {
 
 TEST(PoseGraph, IsTheSameWhenItComesInPieces) {
     const test::ScratchFolder folder;
-    const Estimate whole = made_estimate();
+    const Estimate whole = estimate_with_motions();
     write_pose_graph(folder / "whole.graph", whole);
     PoseGraphWriter writer(folder / "pieces.graph");
     for (const StateEstimate& state : whole.states) {
@@ -140,7 +140,7 @@ TEST(PoseGraph, IsTheSameWhenItComesInPieces) {
 
 TEST(PoseGraph, NeedsCovariances) {
     const test::ScratchFolder folder;
-    Estimate estimate = made_estimate();
+    Estimate estimate = estimate_with_motions();
     estimate.keyframe_motions[1].covariance.setZero();
     EXPECT_THROW(write_pose_graph(folder / "x.graph", estimate), InputError);
     EXPECT_THROW(write_pose_graph(folder / "x.graph", {}), InputError);

@@ -14,8 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr TimeNs kStart = 1'400'000'000'123'456'700;
-constexpr double kSeconds = 20, kDegree = 3.14159265358979 / 180;
+constexpr TimeNs kRecordedStart = 1'400'000'000'123'456'700;
+constexpr double kSeconds = 20, kRadPerDeg = 3.14159265358979 / 180;
 const Vector3d kGravity(0, 0, -9.81);
 
 /// A hand-held motion, readings of a real IMU on it, and what a motion-capture system says of it:
@@ -48,12 +48,13 @@ Recorded recorded(double tilt, double rotation_error, double position_error) {
         const double t = i / 20.0;
         const Pose T = truth.at(t).T_W_B, e = wander.at(t).T_W_B;
         measured.push_back({t, {frame * T.R * e.R, frame * (T.p + e.p)}});
-        poses.push_back({kStart + from_seconds(t), measured.back().T_W_B});
+        poses.push_back({kRecordedStart + from_seconds(t), measured.back().T_W_B});
     }
     Recorded r{truth, SplineTrajectory::along(measured, 0.05), {}, {}, {}, poses, {}};
     r.rig.T_B_I = {so3::exp({0.3, -0.2, 0.1}), {0.04, -0.02, 0.03}};
     r.rig.imu_noise = {1.7e-4, 2e-3, 2e-5, 1e-4, 0};
-    for (int i = 5; i <= 20 * kSeconds - 5; ++i) r.times.push_back(kStart + from_seconds(i / 20.0));
+    for (int i = 5; i <= 20 * kSeconds - 5; ++i)
+        r.times.push_back(kRecordedStart + from_seconds(i / 20.0));
 
     Random jitter(1, "times");
     ImuErrors imu;
@@ -63,21 +64,21 @@ Recorded recorded(double tilt, double rotation_error, double position_error) {
         with_errors(ideal_imu(truth, r.rig.T_B_I, kGravity, imu_times(0, kSeconds, 200, 0, jitter)),
                     imu, random)
             .readings;
-    for (ImuReading& reading : r.readings) reading.t += kStart;
+    for (ImuReading& reading : r.readings) reading.t += kRecordedStart;
     return r;
 }
 
 TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
-    const Recorded r = recorded(1 * kDegree, 0.2 * kDegree, 2e-3);
+    const Recorded r = recorded(1 * kRadPerDeg, 0.2 * kRadPerDeg, 2e-3);
     const ImuSequence imu(r.readings);
     const SmoothedPath path = smooth_path(r.measured, 0.25, r.times, imu, r.rig, 9.81, {});
     // The wander's 30 independent errors of 0.2 degree average to 0.037.
-    EXPECT_NEAR(path.tilt, 1 * kDegree, 0.15 * kDegree);
+    EXPECT_NEAR(path.tilt, 1 * kRadPerDeg, 0.15 * kRadPerDeg);
     ASSERT_EQ(path.states.size(), r.times.size());
     // Turns from image to image are those of the truth to the gyro's noise, not the recording's.
     double change2 = 0, recorded2 = 0, tilt2 = 0, velocity2 = 0;
     for (size_t i = 1; i < path.states.size(); ++i) {
-        const double t = to_seconds(r.times[i] - kStart), before = t - 0.05;
+        const double t = to_seconds(r.times[i] - kRecordedStart), before = t - 0.05;
         const Motion a = r.truth.at(before), b = r.truth.at(t);
         const Eigen::Matrix3d turn = a.T_W_B.R.transpose() * b.T_W_B.R;
         const auto of = [&](const Pose& p, const Pose& q) {
@@ -97,7 +98,7 @@ TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
     EXPECT_GT(std::sqrt(recorded2 / n), 4e-4);
     // Of the recorded tilt (0.2 degree about two axes) the part stays that is constant over the
     // recording: the accelerometer's bias looks the same.
-    EXPECT_LT(std::sqrt(tilt2 / n), 0.5 * 0.2 * kDegree);
+    EXPECT_LT(std::sqrt(tilt2 / n), 0.5 * 0.2 * kRadPerDeg);
     EXPECT_LT(std::sqrt(velocity2 / n), 0.01);
     for (const StateEstimate& state : path.states) {
         EXPECT_LT((state.gyro_bias - r.bias.gyro).norm(), 1e-3);
@@ -106,12 +107,12 @@ TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
 }
 
 TEST(RecordedPath, ConsistencyIsOneForReadingsAsNoisyAsStatedAndLargeForAWanderingPath) {
-    const Recorded r = recorded(0, 0.2 * kDegree, 2e-3);
+    const Recorded r = recorded(0, 0.2 * kRadPerDeg, 2e-3);
     const ImuSequence imu(r.readings);
     const auto states = [&](const Trajectory& trajectory) {
         std::vector<StateEstimate> result;
         for (const TimeNs t : r.times) {
-            const Motion m = trajectory.at(to_seconds(t - kStart));
+            const Motion m = trajectory.at(to_seconds(t - kRecordedStart));
             result.push_back({t, m.T_W_B, m.v_W, r.bias.gyro, r.bias.accel});
         }
         return result;
@@ -152,9 +153,9 @@ ScenarioOptions files_of(const Recorded& r, const test::ScratchFolder& folder) {
 
 TEST(RecordedScenario, KeepsTheRecordedReadingsAndStampsAndSeesTheScenePreciselyFromTheTruth) {
     const test::ScratchFolder folder;
-    const Recorded r = recorded(0.5 * kDegree, 0.1 * kDegree, 1e-3);
+    const Recorded r = recorded(0.5 * kRadPerDeg, 0.1 * kRadPerDeg, 1e-3);
     const Simulation simulation(files_of(r, folder));
-    EXPECT_EQ(simulation.image_times().front(), kStart + from_seconds(0.5));
+    EXPECT_EQ(simulation.image_times().front(), kRecordedStart + from_seconds(0.5));
     size_t k = 0;
     while (r.readings[k].t / 100 * 100 != simulation.imu().front().t) ++k;
     for (const ImuReading& reading : simulation.imu()) {
@@ -182,16 +183,17 @@ TEST(RecordedScenario, TakesImageTimesFromAFile) {
     ScenarioOptions options = files_of(recorded(0, 1e-3, 1e-3), folder);
     options.recorded_imu_file.clear();
     options.times_file = folder / "times.txt";
-    const std::vector<TimeNs> times{kStart - 1'000'000'000, kStart + 1'000'000'017,
-                                    kStart + 1'070'000'000, kStart + 90'000'000'000};
+    const std::vector<TimeNs> times{kRecordedStart - 1'000'000'000, kRecordedStart + 1'000'000'017,
+                                    kRecordedStart + 1'070'000'000,
+                                    kRecordedStart + 90'000'000'000};
     std::ofstream out(options.times_file);
     for (const TimeNs t : times) out << t << "\n";
     out.close();
     const Simulation simulation(options);
     // Those on the path, on the rawlog's tick of 100 ns.
     ASSERT_EQ(simulation.image_times().size(), 2u);
-    EXPECT_EQ(simulation.image_times()[0], kStart + 1'000'000'000);
-    EXPECT_EQ(simulation.image_times()[1], kStart + 1'070'000'000);
+    EXPECT_EQ(simulation.image_times()[0], kRecordedStart + 1'000'000'000);
+    EXPECT_EQ(simulation.image_times()[1], kRecordedStart + 1'070'000'000);
 }
 
 TEST(RecordedScenario, RefusesReadingsWithoutPathAndReadingsOfAnotherTime) {
