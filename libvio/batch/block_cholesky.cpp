@@ -149,12 +149,9 @@ void BlockCholesky::gather_sets(int f, const ReducedSystem& system) {
         const long stride = 6L * count;
         const Eigen::Matrix3d& Q = system.Q[set];
         const Eigen::Vector3d q = Q.transpose() * system.b[set];
-        for (int m = 0; m < count; ++m) {
-            Strided term(T + 6 * m, 6, 3, Eigen::OuterStride<>(stride));
-            const Matrix63d WQ = system.W[members[m].term] * Q;
-            term = WQ;
-            Eigen::Map<Vector6d>(rhs + members[m].row) -= WQ * q;
-        }
+        for (int m = 0; m < count; ++m)
+            kernels::scale_term(system.W[members[m].term].data(), Q.data(), q.data(), T + 6 * m,
+                                stride, rhs + members[m].row);
         for (int c = 0; c < count; ++c) {
             const int col = members[c].row;
             double* place;

@@ -24,7 +24,7 @@ struct ReducedSystem {
     const Eigen::VectorXd& d;
     const Eigen::VectorXd& a;
     const std::vector<Matrix63d>& W;        ///< of each member of each set, at BlockSets::terms
-    const std::vector<Eigen::Matrix3d>& Q;  ///< of each set
+    const std::vector<Eigen::Matrix3d>& Q;  ///< of each set, upper triangular
     const std::vector<Eigen::Vector3d>& b;  ///< of each set
 };
 

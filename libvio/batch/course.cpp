@@ -138,6 +138,19 @@ bool drop_outliers(Course& course) {
     return any;
 }
 
+// A point at a camera's centre is seen there in any direction: its observation there is explained
+// by nothing, and its nearness makes that pose look known beyond what the equations can hold. Few
+// observations with next to no parallax can end there. True if there were any.
+bool drop_points_at_cameras(Course& course) {
+    const std::vector<int> there = points_at_cameras(course.model, course.state);
+    for (const int j : there) {
+        const Point& point = course.model.points[j];
+        for (int k = 0; k < point.observation_count; ++k)
+            course.model.observations[point.first_observation + k].active = false;
+    }
+    return !there.empty();
+}
+
 // The paper's start, and where that ends with more cost than noise explains, a second one.
 void start_with_readings(Course& course) {
     const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
@@ -208,7 +221,13 @@ void minimize_all(Course& course) {
     }
     minimize_stage(course, stage, limits);
     if (free_trapped_points(course)) minimize_stage(course, stage, limits);
-    if (drop_outliers(course)) minimize_stage(course, stage, limits);
+    bool dropped = drop_outliers(course);
+    constexpr int kRounds = 3;
+    for (int round = 0; round < kRounds; ++round) {
+        dropped |= drop_points_at_cameras(course);
+        if (!std::exchange(dropped, false)) break;
+        minimize_stage(course, stage, limits);
+    }
 }
 
 }  // namespace vio::batch

@@ -1,5 +1,6 @@
 // E_image, Eq. (2): what the image observations add to the error function.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <type_traits>
@@ -10,6 +11,12 @@
 #include "libvio/geometry/so3.h"
 
 namespace vio::batch {
+
+namespace {
+
+constexpr double kWorth = 1e-2;  // of the cost: what is worth a further step of one point or pose
+
+}  // namespace
 
 double Objective::robust(double distance2) const {
     const double c2 = options_.loss_width * options_.loss_width;
@@ -74,7 +81,10 @@ void Objective::add_observation(const State& state, int k, const Eigen::Matrix<d
     const Eigen::Matrix<double, N, 3> J_X = J_I * I.R.transpose(), weighted_X = w * J_X;
     eq.V[j].noalias() += weighted_X.transpose() * J_X;
     eq.b[j].noalias() += weighted_X.transpose() * r;
-    if (i == 0 && !model_.surveyed()) return;  // held
+    if (i == 0 && !surveyed_) {  // held
+        eq.W[k].setZero();
+        return;
+    }
     const Eigen::Vector3d p_I = I.R.transpose() * (state.points[j] - I.p);
     Eigen::Matrix<double, N, 6> J_pose;
     J_pose << J_I * so3::skew(p_I), -J_X;
@@ -111,7 +121,9 @@ void Objective::linearize_observation(const State& state, int k, NormalEquations
     const auto add = [&](const auto& r, const auto& J) {
         add_observation(state, k, r, J, eq, sums);
     };
-    if (!with_residual(state, model_.observations[k], add)) sums.cost += robust(largest_distance2_);
+    if (with_residual(state, model_.observations[k], add)) return;
+    sums.cost += robust(largest_distance2_);
+    eq.W[k].setZero();
 }
 
 Objective::PointSums Objective::point_sums(const State& state, int j) const {
@@ -136,7 +148,6 @@ Objective::PointSums Objective::point_sums(const State& state, int j) const {
 
 double Objective::settle_point(int j, State& state) const {
     constexpr int kSteps = 10;
-    constexpr double kWorth = 1e-2;  // what a step must promise to take off the cost
     const InertialState& I =
         state.frames[model_.observations[model_.points[j].first_observation].frame_idx].motion;
     const Eigen::Vector3d origin = I.R * model_.T_I_C.p + I.p;
@@ -159,24 +170,46 @@ double Objective::settle_point(int j, State& state) const {
     return cost;
 }
 
-void Objective::settle_points(const State& from, State& state) const {
-    if (stage_.truncated) return;
+// From where the step leads it, or else from where it was as the camera nearest to it sees it: a
+// point just before a camera must follow that camera, or its image is anywhere.
+double Objective::settle_point(int j, const State& from, State& state) const {
+    const double cost = settle_point(j, state);
+    if (cost <= point_costs_[j] + kWorth) return cost;
+    const Point& point = model_.points[j];
+    const Eigen::Vector3d& p_W = from.points[j];
+    int nearest = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (int k = point.first_observation; k < point.first_observation + point.observation_count;
+         ++k) {
+        const int i = model_.observations[k].frame_idx;
+        const InertialState& I = from.frames[i].motion;
+        const double distance2 = (p_W - I.R * model_.T_I_C.p - I.p).squaredNorm();
+        if (distance2 >= least) continue;
+        least = distance2;
+        nearest = i;
+    }
+    const InertialState &was = from.frames[nearest].motion, &is = state.frames[nearest].motion;
+    const Eigen::Vector3d stepped =
+        std::exchange(state.points[j], is.R * (was.R.transpose() * (p_W - was.p)) + is.p);
+    const double other = settle_point(j, state);
+    if (other < cost) return other;
+    state.points[j] = stepped;
+    return cost;
+}
+
+Cost Objective::settle_points(const State& from, State& state) const {
+    if (stage_.truncated) return evaluate(state);
+    std::array<double, kPieces> parts{};
     in_parallel(threads_, kPieces, [&](int piece) {
         const int points = static_cast<int>(model_.points.size());
         for (int j = piece_begin(points, kPieces, piece);
-             j < piece_begin(points, kPieces, piece + 1); ++j) {
-            const Point& point = model_.points[j];
-            if (point.fiducial) continue;
-            const double cost = settle_point(j, state);
-            if (cost <= point_costs_[j]) continue;
-            // The step led it astray: from where it was as its first camera sees it.
-            const int i = model_.observations[point.first_observation].frame_idx;
-            const InertialState &was = from.frames[i].motion, &is = state.frames[i].motion;
-            const Eigen::Vector3d stepped = std::exchange(
-                state.points[j], is.R * (was.R.transpose() * (from.points[j] - was.p)) + is.p);
-            if (!(settle_point(j, state) < cost)) state.points[j] = stepped;
-        }
+             j < piece_begin(points, kPieces, piece + 1); ++j)
+            parts[piece] += model_.points[j].fiducial ? point_sums(state, j).cost
+                                                      : settle_point(j, from, state);
     });
+    Cost cost = evaluate_rest(state);
+    for (const double part : parts) cost.image += part;
+    return cost;
 }
 
 Objective::OnePose Objective::one_pose(const State& state,
@@ -203,7 +236,6 @@ Objective::OnePose Objective::one_pose(const State& state,
 void Objective::settle_pose(int frame, const std::vector<int>& observations, State& state) const {
     constexpr size_t kFewest = 4;
     constexpr int kSteps = 30;
-    constexpr double kWorth = 1e-2;  // what a step must promise to take off the cost
     if (observations.size() < kFewest) return;
     InertialState& pose = state.frames[frame].motion;
     double lambda = 1e-4;
@@ -248,9 +280,12 @@ double Objective::linearize_image(const State& state, NormalEquations& eq) {
         for (int j = begin; j < end; ++j) {
             const Point& point = model_.points[j];
             const double before = sums.cost;
-            for (int k = 0; k < point.observation_count; ++k)
-                if (model_.observations[point.first_observation + k].active)
-                    linearize_observation(state, point.first_observation + k, eq, sums);
+            for (int k = point.first_observation;
+                 k < point.first_observation + point.observation_count; ++k)
+                if (model_.observations[k].active)
+                    linearize_observation(state, k, eq, sums);
+                else
+                    eq.W[k].setZero();
             point_costs_[j] = sums.cost - before;
         }
     });

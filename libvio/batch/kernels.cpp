@@ -22,6 +22,22 @@ void subtract_product(double* target, long stride, const double* T, const double
 }
 
 VIO_EACH_PROCESSOR
+void scale_term(const double* __restrict__ W, const double* __restrict__ Q,
+                const double* __restrict__ q, double* __restrict__ Y, long stride,
+                double* __restrict__ x) {
+    double *y0 = Y, *y1 = Y + stride, *y2 = Y + 2 * stride;
+    for (int r = 0; r < 6; ++r) {
+        const double a = W[r] * Q[0];
+        const double b = W[r] * Q[3] + W[r + 6] * Q[4];
+        const double c = W[r] * Q[6] + W[r + 6] * Q[7] + W[r + 12] * Q[8];
+        y0[r] = a;
+        y1[r] = b;
+        y2[r] = c;
+        x[r] -= a * q[0] + b * q[1] + c * q[2];
+    }
+}
+
+VIO_EACH_PROCESSOR
 void add(double* __restrict__ target, const double* __restrict__ source, int count) {
     for (int k = 0; k < count; ++k) target[k] += source[k];
 }

@@ -10,6 +10,10 @@ namespace vio::batch::kernels {
 void subtract_product(double* target, long stride, const double* T, const double* S, long T_stride,
                       int rows);
 
+/// Y = W Q (both 6 x 3, column-major; Y's columns `stride` apart; Q upper triangular), x -= Y q.
+void scale_term(const double* W, const double* Q, const double* q, double* Y, long stride,
+                double* x);
+
 /// target += source.
 void add(double* target, const double* source, int count);
 

@@ -12,16 +12,17 @@ namespace {
 constexpr double kSmallestDamping = 1e-12, kLargestDamping = 1e14;
 constexpr double kNoCost = 1e-12;  // of exact measurements: what rounding leaves
 
+double seconds_since(std::chrono::steady_clock::time_point began) {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+}
+
 // Calls work() and adds the time that it took.
 template <typename Work>
 auto timed(double& seconds, Work work) {
     struct Watch {
         double& total;
         std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
-        ~Watch() {
-            total +=
-                std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-        }
+        ~Watch() { total += seconds_since(began); }
     } watch{seconds};
     return work();
 }
@@ -41,6 +42,7 @@ double still_to_come(double lambda, double promised_before, double promised) {
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                         const MinimizeLimits& limits, State& state, RigRefinement* rig) {
     MinimizeReport report;
+    const auto began = std::chrono::steady_clock::now();
     double lambda = limits.initial_damping, growth = 2;
     double promised_before = 0;  // by the last step, if it was taken
     const auto linearize = [&] {
@@ -65,17 +67,17 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                 objective.apply(state, step, equations.layout(), candidate);
                 if (rig && !rig->move(step.rig, objective))
                     return std::numeric_limits<double>::infinity();
-                objective.settle_points(state, candidate);
-                return objective.evaluate(candidate).total() + (rig ? rig->cost() : 0);
+                return objective.settle_points(state, candidate).total() + (rig ? rig->cost() : 0);
             });
             const double decrease = cost.total() - now;
             const double predicted = equations.predicted_decrease(step);
             const double small = limits.cost_tolerance * std::max(cost.total(), kNoCost);
             report.gradient = predicted / cost.total();
             accepted = std::isfinite(now) && decrease > 0;
-            if (accepted)
+            if (accepted) {
                 std::swap(state, candidate);
-            else if (rig)
+                report.progress.push_back({seconds_since(began), now});
+            } else if (rig)
                 rig->take_back(objective);
             const double left = still_to_come(lambda, promised_before, predicted);
             promised_before = accepted ? predicted : 0;

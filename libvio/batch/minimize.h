@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "libvio/batch/objective.h"
 #include "libvio/batch/rig_refinement.h"
@@ -28,6 +29,12 @@ struct MinimizeReport {
     double gradient = 0;  ///< at the end: decrease that a full step promises, relative to the cost
     Cost initial, final;
     double linearize_s = 0, solve_s = 0, evaluate_s = 0;
+    /// How far it had come after each step that was taken.
+    struct Progress {
+        double seconds = 0;  ///< since the beginning
+        double cost = 0;
+    };
+    std::vector<Progress> progress;
 };
 
 /// Minimises the objective from `state` on, which is left at the best state found, and at which

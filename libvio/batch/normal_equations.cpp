@@ -100,7 +100,7 @@ NormalEquations::NormalEquations(const Model& model, const Layout& layout, int t
       gradient(Eigen::VectorXd::Zero(matrix.size())),
       V(model.points.size()),
       b(model.points.size()),
-      W(model.observations.size()),
+      W(model.observations.size(), Matrix63d::Zero()),
       model_(model),
       layout_(layout),
       threads_(threads),
@@ -113,7 +113,6 @@ void NormalEquations::set_zero() {
     gradient.setZero();
     std::fill(V.begin(), V.end(), Eigen::Matrix3d::Zero());
     std::fill(b.begin(), b.end(), Eigen::Vector3d::Zero());
-    std::fill(W.begin(), W.end(), Matrix63d::Zero());
 }
 
 double NormalEquations::damping(double diagonal) const {

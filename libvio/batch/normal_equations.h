@@ -46,12 +46,12 @@ class NormalEquations {
     const Layout& layout() const { return layout_; }
 
     // Filled by the objective's linearisation.
-    void set_zero();
+    void set_zero();                 ///< all but W, of which each entry is written anyway
     BlockMatrix matrix;              ///< A, lower triangle
     Eigen::VectorXd gradient;        ///< a
     std::vector<Eigen::Matrix3d> V;  ///< of each point
     std::vector<Eigen::Vector3d> b;  ///< of each point
-    std::vector<Matrix63d> W;        ///< of each observation: pose by point; zero for border points
+    std::vector<Matrix63d> W;        ///< of each observation: pose by point; zero without a pull
     std::optional<Border> rig;       ///< of unknowns of the rig, where there are any
 
     /// How points are damped. In bearing and range alike: a relative change of range costs what a

@@ -28,6 +28,7 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
       options_(options),
       stage_(stage),
       threads_(thread_count(options)),
+      surveyed_(model.surveyed()),
       point_costs_(model.points.size(), 0.0),
       pose_sums_(kPieces) {
     const double diagonal = std::hypot(model.camera->width(), model.camera->height());
@@ -58,25 +59,29 @@ Eigen::Matrix3d Objective::gravity_jacobian(const Eigen::Vector3d& gravity) cons
 }
 
 Cost Objective::evaluate(const State& state) const {
-    std::array<Cost, kPieces> parts;
-    const int observations = static_cast<int>(model_.observations.size()),
-              intervals = static_cast<int>(intervals_.size());
+    Cost cost = evaluate_rest(state);
+    std::array<double, kPieces> parts{};
+    const int observations = static_cast<int>(model_.observations.size());
     in_parallel(threads_, kPieces, [&](int piece) {
-        Cost part;
         for (int k = piece_begin(observations, kPieces, piece);
              k < piece_begin(observations, kPieces, piece + 1); ++k)
             if (const Observation& observation = model_.observations[k]; observation.active)
-                part.image += robust(observation_distance2(state, observation));
+                parts[piece] += robust(observation_distance2(state, observation));
+    });
+    for (const double part : parts) cost.image += part;
+    return cost;
+}
+
+Cost Objective::evaluate_rest(const State& state) const {
+    std::array<double, kPieces> parts{};
+    const int intervals = static_cast<int>(intervals_.size());
+    in_parallel(threads_, kPieces, [&](int piece) {
         for (int i = piece_begin(intervals, kPieces, piece);
              i < piece_begin(intervals, kPieces, piece + 1); ++i)
-            part.inertial += interval_cost(state, i);
-        parts[piece] = part;
+            parts[piece] += interval_cost(state, i);
     });
     Cost cost;
-    for (const Cost& part : parts) {
-        cost.image += part.image;
-        cost.inertial += part.inertial;
-    }
+    for (const double part : parts) cost.inertial += part;
     if (model_.inertial) {
         const ImuBias& bias = state.frames.front().bias;
         cost.prior += prior_weight() * bias.accel.squaredNorm() /

@@ -84,7 +84,8 @@ class Objective {
     /// step or its first camera takes it. Points with hardly any parallax follow no linear model,
     /// and few of them would hold up the step of all. Fiducials stay, and everything does while the
     /// stage is truncated: what images want says nothing yet.
-    void settle_points(const State& from, State& state) const;
+    /// Returns the cost then, as evaluate() does.
+    Cost settle_points(const State& from, State& state) const;
 
     /// Moves an image's pose to where the points that `observations` (of this image, by index) see
     /// want it, these as they are. It stays where fewer than four are given.
@@ -145,7 +146,10 @@ class Objective {
         double cost = 0;
     };
     OnePose one_pose(const State& state, const std::vector<int>& observations) const;
-    double settle_point(int point_idx, State& state) const;  // returns what it costs then
+    // Both return what it costs then.
+    double settle_point(int point_idx, State& state) const;
+    double settle_point(int point_idx, const State& from, State& state) const;
+    Cost evaluate_rest(const State& state) const;  // all but the images' part
     // Adds one observation with N residual components: residual and derivative wrt p_C, whitened.
     template <int N>
     void add_observation(const State& state, int observation_idx,
@@ -175,6 +179,7 @@ class Objective {
     BatchOptions options_;
     Stage stage_;
     int threads_;
+    bool surveyed_;
     double largest_distance2_;  ///< that an observation can have; infinite unless truncated
     std::vector<Interval> intervals_;
     std::vector<double> point_costs_;  // at the last linearisation

@@ -103,6 +103,24 @@ std::vector<int> points_at_infinity(const Model& model, const State& state) {
     return result;
 }
 
+std::vector<int> points_at_cameras(const Model& model, const State& state) {
+    constexpr double kNear = 1e-3;  // times the distance in the middle
+    const double near =
+        kNear * median_range(model, state, std::vector<bool>(model.points.size(), true), 0);
+    std::vector<int> result;
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        if (model.points[j].fiducial) continue;
+        const Observation* first = &model.observations[model.points[j].first_observation];
+        if (std::any_of(first, first + model.points[j].observation_count,
+                        [&](const Observation& o) {
+                            const Eigen::Vector3d centre = camera_pose(model, state, o.frame_idx).p;
+                            return o.active && (state.points[j] - centre).norm() < near;
+                        }))
+            result.push_back(static_cast<int>(j));
+    }
+    return result;
+}
+
 void place_other_points(const Model& model, std::vector<bool> placed, State& state) {
     constexpr double kWithoutAny = 1;  // [m]: nothing tells a distance
     for (size_t j = 0; j < model.points.size(); ++j) {

@@ -20,7 +20,8 @@ Radial radial(const std::array<double, 8>& k, double r2) {
     const double den = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
     const double dnum = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
     const double dden = k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]);
-    return {num / den, (dnum * den - num * dden) / (den * den)};
+    const double inverse = 1 / den, factor = num * inverse;
+    return {factor, (dnum - factor * dden) * inverse};
 }
 
 // First r at which d(r L)/dr stops being positive.

@@ -217,9 +217,10 @@ BatchResult blind_from_images(const test::SimulatedRun& run) {
 }
 
 // Images alone have many minima, most of them within a few percent of the least cost. Two paths on
-// which a start with all cameras at the origin ends in one of these.
+// which a start with all cameras at the origin ends in one of these; and two on which a point with
+// two observations ends at a camera's centre.
 TEST(BlindStart, LeadsToTheTruthWithImagesAlone) {
-    for (const auto& [span, seed] : {std::pair{180, 3U}, {180, 1U}}) {
+    for (const auto& [span, seed] : {std::pair{180, 3U}, {180, 1U}, {180, 10U}, {180, 15U}}) {
         const test::SimulatedRun run = test::simulate_run(test::turning_run(span, seed));
         const BatchResult blind = blind_from_images(run);
         ASSERT_TRUE(blind.report.converged) << blind.report.reason;

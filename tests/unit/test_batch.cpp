@@ -56,7 +56,10 @@ TEST(BlockCholesky, SolvesAndInvertsAsADenseMatrixDoes) {
     std::vector<Eigen::Matrix3d> Q(5);
     std::vector<Eigen::Vector3d> b(5);
     for (auto& w : W) random(w);
-    for (auto& q : Q) random(q), q *= 0.3;
+    for (auto& q : Q) {
+        random(q);
+        q = (0.3 * q.triangularView<Eigen::Upper>().toDenseMatrix()).eval();
+    }
     for (auto& x : b) random(x);
 
     Eigen::MatrixXd S = dense(A, static_cast<int>(dims.size()));
@@ -449,7 +452,7 @@ TEST(Batch, NamesTheImagesThatAreJoinedToNothing) {
     options.outlier_sigmas = 0;
     const BatchReport report = estimate_batch(problem, options, test::truth_of(run)).report;
     EXPECT_FALSE(report.converged);
-    EXPECT_NE(report.reason.find("the motion from 0.60 s to"), std::string::npos) << report.reason;
+    EXPECT_NE(report.reason.find("the motion from 0.60 s "), std::string::npos) << report.reason;
 }
 
 TEST(Batch, LeavesImagesThatShowNothingOutOfAnImageOnlyEstimate) {
@@ -471,7 +474,8 @@ TEST(Batch, StartsFromATrajectoryThatLacksStates) {
     const BatchResult result = estimate_batch(test::batch_problem(run), {}, part);
     const BatchResult whole = estimate_batch(test::batch_problem(run), {}, test::truth_of(run));
     ASSERT_TRUE(result.report.converged) << result.report.reason;
-    EXPECT_NEAR(result.report.final_cost, whole.report.final_cost, 1e-6 * whole.report.final_cost);
+    // A minimisation may leave 1e-5 of the cost (MinimizeLimits::negligible).
+    EXPECT_NEAR(result.report.final_cost, whole.report.final_cost, 1e-5 * whole.report.final_cost);
     part.states.resize(0);
     EXPECT_THROW(estimate_batch(test::batch_problem(run), {}, part), InputError);
 }

@@ -31,12 +31,18 @@ Solved solve_with_ours(const TimedProblem& problem, int threads) {
     batch::NormalEquations equations(problem.model, batch::make_layout(problem.model, options),
                                      threads);
     batch::Objective objective(problem.model, options, {});
+    const double prepared =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     const auto report = batch::minimize(objective, equations, {200, 1e-9, 1e-8, 0}, state);
     Solved solved;
     solved.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     solved.iterations = report.iterations;
     solved.final_cost = report.final.total();
+    for (size_t k = 0; k < std::min<size_t>(Solved::kSteps, report.progress.size()); ++k) {
+        solved.step_seconds[k] = prepared + report.progress[k].seconds;
+        solved.step_cost[k] = report.progress[k].cost;
+    }
     solved.converged = report.converged;
     return solved;
 }
@@ -118,6 +124,13 @@ void compare(const TimedProblem& problem, bool rival, const std::vector<int>& th
                     ceres.solved.seconds / ours.solved.seconds,
                     ceres.cpu_seconds / ours.cpu_seconds, ours.peak_mb / ceres.peak_mb,
                     ours.solved.final_cost / ceres.solved.final_cost - 1);
+        const double least = std::min(ours.solved.final_cost, ceres.solved.final_cost);
+        for (const double share : {1e-3, 1e-4, 1e-5}) {
+            const double mine = ours.solved.seconds_to((1 + share) * least),
+                         its = ceres.solved.seconds_to((1 + share) * least);
+            std::printf("    to within %.0e of the least cost: %.2f s and %.2f s, %.1f times\n",
+                        share, mine, its, its / mine);
+        }
     }
 }
 

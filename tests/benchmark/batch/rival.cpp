@@ -313,6 +313,8 @@ Solved solve_with_ceres(const batch::Model& model, const BatchOptions& options,
     solver.parameter_tolerance = 1e-9;
     solver.gradient_tolerance = 1e-12;
     solver.logging_type = ceres::SILENT;
+    const double prepared =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
 
@@ -322,6 +324,11 @@ Solved solve_with_ceres(const batch::Model& model, const BatchOptions& options,
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     solved.final_cost = 2 * summary.final_cost;
     solved.linear_seconds = summary.linear_solver_time_in_seconds;
+    for (int k = 0; k < std::min(Solved::kSteps, solved.iterations + 1); ++k) {
+        const ceres::IterationSummary& step = summary.iterations[k];
+        solved.step_seconds[k] = prepared + step.cumulative_time_in_seconds;
+        solved.step_cost[k] = 2 * step.cost;
+    }
     solved.converged = summary.termination_type == ceres::CONVERGENCE;
     return solved;
 }
