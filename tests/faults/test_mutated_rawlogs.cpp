@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
+#include <utility>
 
 #include "tests/faults/recordings.h"
 
@@ -84,6 +86,23 @@ std::string small_recording(const ScratchFolder& folder, bool images) {
     return uncompressed(folder / "small.rawlog");
 }
 
+// vio-slam without what the sanitizers say that is no finding: that an allocation was refused, as
+// damaged lengths deserve; and that the leak checker itself came to grief, which now and then it
+// does after thousands of processes, where another look is taken without it.
+ProgramResult judged_run(const std::string& arguments, const std::string& folder) {
+    ProgramResult result = vio_slam(arguments, folder, "exec timeout 60");
+#ifdef VIO_SANITIZE
+    if (result.err.find("LeakSanitizer has encountered a fatal error") != std::string::npos)
+        result = vio_slam(arguments, folder,
+                          "ASAN_OPTIONS=\"$ASAN_OPTIONS:detect_leaks=0\" exec timeout 60");
+    std::istringstream lines(std::exchange(result.err, {}));
+    for (std::string line; std::getline(lines, line);)
+        if (line.find("WARNING: AddressSanitizer failed to allocate") == std::string::npos)
+            result.err += line + '\n';
+#endif
+    return result;
+}
+
 TEST(MutatedRawlogs, GiveAResultOrOneLine) {
     const char* wanted = std::getenv("VIO_MUTATIONS");
     const int count = wanted ? std::atoi(wanted) : 12;
@@ -97,7 +116,7 @@ TEST(MutatedRawlogs, GiveAResultOrOneLine) {
         std::ofstream(file, std::ios::binary) << mutator.mutate(recordings[i % 2]);
         const std::string command =
             i % 4 < 2 ? "run " + file + " --overwrite -o " + (folder / "out") : "check " + file;
-        const ProgramResult result = vio_slam(command, folder.path().string(), "exec timeout 60");
+        const ProgramResult result = judged_run(command, folder.path().string());
         const std::string what = "mutation " + std::to_string(i) + ": " + result.err;
         ASSERT_TRUE(result.exit_code == 0 || result.exit_code == 1)
             << what << " exit code " << result.exit_code;
