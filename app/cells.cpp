@@ -218,7 +218,7 @@ void collect(const Cell& cell, std::vector<std::vector<Cell>>& waves,
 
 }  // namespace
 
-CellStore::CellStore(std::string root) {
+CellStore::CellStore(const std::string& root) {
     std::error_code error;
     fs::create_directories(root + "/recordings", error);
     if (!error) fs::create_directories(root + "/cells", error);

@@ -21,7 +21,7 @@ struct Cell {
 };
 
 /// What came of it.
-struct Outcome {
+struct Outcome {  // NOLINT(bugprone-exception-escape): JSON values that are moved do not throw
     bool ok = false;
     std::string message;  ///< where it failed: the program's last line
     double seconds = 0;
@@ -40,7 +40,7 @@ int processors();
 class CellStore {
  public:
     /// Makes the folder if it is missing; throws InputError if it cannot.
-    explicit CellStore(std::string root);
+    explicit CellStore(const std::string& root);
 
     /// Runs what is not there yet, each cell as `jobs` processes at a time, those that others
     /// start from first, and calls progress with the number done and the number of all.
