@@ -345,18 +345,28 @@ std::string paper_batch(const std::string& variance, const std::string& argument
            (arguments.empty() ? "" : " " + arguments);
 }
 
+namespace {
+
+// After exactly so many images.
+std::string started_from(int prefix) {
+    return " --set iekf.start_wanted_tilt=1 --set iekf.prefix_images=" + std::to_string(prefix);
+}
+
+}  // namespace
+
 std::string paper_filter(const std::string& rate_variance, const std::string& accel_variance,
                          int prefix) {
     return "--estimator iekf --set iekf.motion=smooth --set iekf.angular_rate_variance=" +
            rate_variance + " --set iekf.acceleration_variance=" + accel_variance +
-           " --set iekf.sigma_px=2 --set batch.sigma_px=2 --set iekf.prefix_images=" +
-           std::to_string(prefix);
+           " --set iekf.sigma_px=2 --set batch.sigma_px=2" + started_from(prefix);
 }
 
 std::string own_filter(int prefix, int sigma_px) {
     const std::string sigma = std::to_string(sigma_px);
     return "--estimator iekf --set iekf.sigma_px=" + sigma + " --set batch.sigma_px=" + sigma +
-           " --set iekf.prefix_images=" + std::to_string(prefix);
+           started_from(prefix) +
+           " --set iekf.camera_rotation_sigma=0 --set iekf.camera_position_sigma=0"
+           " --set iekf.time_offset_sigma=0";
 }
 
 const std::vector<Exhibit>& exhibits() {

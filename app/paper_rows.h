@@ -95,7 +95,8 @@ std::string paper_batch(const std::string& variance, const std::string& argument
 /// The paper's filter: smooth motion with these variances, started from `prefix` images.
 std::string paper_filter(const std::string& rate_variance, const std::string& accel_variance,
                          int prefix);
-/// This project's filter, driven by the inertial readings, told of features' errors [px].
+/// This project's filter, driven by the inertial readings, told of features' errors [px] and that
+/// the calibration is exact, as the paper takes it.
 std::string own_filter(int prefix, int sigma_px = 2);
 
 /// The exhibits of sections 7, 8, and 9-10.

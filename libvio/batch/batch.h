@@ -87,6 +87,8 @@ struct BatchTail {
     std::vector<LandmarkEstimate> landmarks;
     Eigen::Vector3d g_W;
     Eigen::MatrixXd covariance;  ///< (15 + 3 n) square
+    /// Covariance of these errors with those of RefinedRig; empty: the rig is as stated.
+    Eigen::MatrixXd with_rig;
 };
 
 /// The rig as estimated, where BatchOptions leaves parts of it open.

@@ -404,11 +404,13 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
     for (int a = 0; a < n; ++a)
         if (layout.border_of_point[points[a]] < 0)
             joint.block<3, 3>(18 + 3 * a, 18 + 3 * a) += equations.point_inverse(points[a]);
+    Eigen::MatrixXd with_rig;
     if (const auto& rig = equations.rig_solution()) {
         Eigen::MatrixXd moved = E.transpose() * rig->reduced;
         for (int a = 0; a < n; ++a)
             moved.middleRows<3>(18 + 3 * a) = rig->points.middleRows<3>(3L * points[a]);
-        joint += moved * rig->covariance * moved.transpose();
+        with_rig = moved * rig->covariance;
+        joint += with_rig * moved.transpose();
     }
 
     const BodyState body = body_state(model, state, gauge, last);
@@ -428,6 +430,7 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
         tail.landmarks.push_back(landmark);
     }
     tail.covariance = J * joint * J.transpose();
+    if (with_rig.size() > 0) tail.with_rig = J * with_rig;
     tail.covariance = (0.5 * (tail.covariance + tail.covariance.transpose())).eval();
     add_curvature_of_bias(model, objective, state, last, tail.covariance);
     tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();

@@ -11,11 +11,13 @@ PlacedPoint placed(const AnchoredPoint& point, const Pose& T_W_I, const Pose& T_
     const double rho = point.x.z();
     const Vector3d direction(point.x.x(), point.x.y(), 1);
     const Matrix3d R_I_Q = T_I_C.R * point.Q;
-    const Vector3d p_I = R_I_Q * direction / rho + T_I_C.p;
+    const Vector3d p_C = point.Q * direction / rho, p_I = T_I_C * p_C;
     Matrix3d J;  // of direction / rho
     J << 1 / rho, 0, -direction.x() / (rho * rho), 0, 1 / rho, -direction.y() / (rho * rho), 0, 0,
         -1 / (rho * rho);
-    return {T_W_I * p_I, -T_W_I.R * so3::skew(p_I), T_W_I.R * R_I_Q * J};
+    PlacedPoint place{T_W_I * p_I, -T_W_I.R * so3::skew(p_I), T_W_I.R * R_I_Q * J, {}};
+    place.J_camera << -T_W_I.R * T_I_C.R * so3::skew(p_C), T_W_I.R;
+    return place;
 }
 
 AnchoredPoint anchored(const Vector3d& p_W, const Pose& T_W_I, const Pose& T_I_C) {
@@ -38,6 +40,7 @@ MovedPoint moved_anchor(const AnchoredPoint& point, const Pose& T_W_I_from, cons
     moved.J_point = inverse * from.J_point;
     moved.J_from << inverse * from.J_rotation, inverse;
     moved.J_to << -inverse * to.J_rotation, -inverse;
+    moved.J_camera = inverse * (from.J_camera - to.J_camera);
     return moved;
 }
 

@@ -21,11 +21,13 @@ struct AnchoredPoint {
     bool in_front() const { return x.z() > 1e-5; }
 };
 
-/// Position in W and its derivatives with respect to the anchor pose T_W_I and to (a, b, rho).
+/// Position in W and its derivatives with respect to the anchor pose T_W_I, to (a, b, rho) and to
+/// T_I_C.
 struct PlacedPoint {
     Eigen::Vector3d p_W;
     Eigen::Matrix3d J_rotation;  ///< with respect to the anchor's position it is the identity
     Eigen::Matrix3d J_point;
+    Eigen::Matrix<double, 3, 6> J_camera;
 };
 
 /// The point must be in_front().
@@ -35,11 +37,11 @@ PlacedPoint placed(const AnchoredPoint& point, const Pose& T_W_I, const Pose& T_
 AnchoredPoint anchored(const Eigen::Vector3d& p_W, const Pose& T_W_I, const Pose& T_I_C);
 
 /// A point moved to another anchor: new error = J_point old error + J_from error of the old anchor
-/// + J_to error of the new one.
+/// + J_to error of the new one + J_camera error of T_I_C.
 struct MovedPoint {
     AnchoredPoint point;
     Eigen::Matrix3d J_point;
-    Eigen::Matrix<double, 3, 6> J_from, J_to;
+    Eigen::Matrix<double, 3, 6> J_from, J_to, J_camera;
 };
 MovedPoint moved_anchor(const AnchoredPoint& point, const Pose& T_W_I_from, const Pose& T_W_I_to,
                         const Pose& T_I_C);

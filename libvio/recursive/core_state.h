@@ -38,4 +38,12 @@ struct CoreState {
     Eigen::Vector3d a_W = Eigen::Vector3d::Zero();         ///< acceleration (smooth) [m/s^2]
 };
 
+/// Where the camera sits on the IMU, and its clock: t_imu = t_cam + time_offset. Order of errors:
+/// those of T_I_C (as a pose's), the time offset's [s].
+struct CameraMount {
+    Pose T_I_C;
+    double time_offset = 0;
+};
+inline constexpr int kMountSize = 7, kTimeOffset = 6;
+
 }  // namespace vio

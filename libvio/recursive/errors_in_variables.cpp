@@ -73,13 +73,22 @@ void ErrorsInVariables::augment(int first, const MatrixXd& G) {
     C_.rightCols(added) = C_.middleCols(first, G.cols()) * G.transpose();
 }
 
-void ErrorsInVariables::reanchor(int at, int from, int to, const MovedPoint& J) {
-    C_.middleRows<3>(at) = (J.J_point * C_.middleRows<3>(at) + J.J_from * C_.middleRows<6>(from) +
-                            J.J_to * C_.middleRows<6>(to))
-                               .eval();
+void ErrorsInVariables::add(int at, int by, const Vector6d& rate) {
+    C_.middleRows<6>(at) += rate * C_.row(by);
+    C_.middleCols<6>(at) += C_.col(by) * rate.transpose();
+}
+
+void ErrorsInVariables::reanchor(int at, int from, int to, int mount, int mounted,
+                                 const MovedPoint& J) {
+    const auto J_camera = J.J_camera.leftCols(mounted);
+    C_.middleRows<3>(at) =
+        (J.J_point * C_.middleRows<3>(at) + J.J_from * C_.middleRows<6>(from) +
+         J.J_to * C_.middleRows<6>(to) + J_camera * C_.middleRows(mount, mounted))
+            .eval();
     C_.middleCols<3>(at) =
         (C_.middleCols<3>(at) * J.J_point.transpose() +
-         C_.middleCols<6>(from) * J.J_from.transpose() + C_.middleCols<6>(to) * J.J_to.transpose())
+         C_.middleCols<6>(from) * J.J_from.transpose() + C_.middleCols<6>(to) * J.J_to.transpose() +
+         C_.middleCols(mount, mounted) * J_camera.transpose())
             .eval();
 }
 

@@ -50,8 +50,11 @@ class ErrorsInVariables {
     void clone(int at, bool inserted);
     /// Adds errors that are G times those from `first` on, and noise.
     void augment(int first, const Eigen::MatrixXd& G);
-    /// The three errors at `at` become J times what they, and the poses at two offsets, were.
-    void reanchor(int at, int from, int to, const MovedPoint& J);
+    /// The six errors at `at` grow by `rate` times that at `by`.
+    void add(int at, int by, const Vector6d& rate);
+    /// The three errors at `at` become J times what they, the poses at two offsets, and the
+    /// `mounted` first errors of the mount, were.
+    void reanchor(int at, int from, int to, int mount, int mounted, const MovedPoint& J);
     /// Keeps these errors alone, or the first.
     void choose(const std::vector<int>& errors);
     void truncate(int size) { C_.conservativeResize(size, size); }

@@ -6,6 +6,13 @@
 
 namespace vio {
 
+/// The camera's mount as far as it is known.
+struct MountEstimate {
+    CameraMount mount;
+    Eigen::MatrixXd covariance;  ///< kMountSize square; empty: known exactly
+    Eigen::MatrixXd with_tail;   ///< covariance of a tail's errors with its; empty: none
+};
+
 /// Which points the filter starts with, and its form.
 struct FilterStartOptions {
     bool invariant = true;
@@ -15,10 +22,11 @@ struct FilterStartOptions {
 };
 
 /// State at the time of the reading `at` (in the IMU frame, biased): the IMU's from that of the
-/// body, with one clone (image 0) to which the most precise points are anchored. omega_I: angular
-/// velocity without bias [rad/s].
-FilterState started(const BatchTail& tail, const Rig& rig, const MotionModel& motion,
-                    const ImuReading& at, const Eigen::Vector3d& omega_I,
+/// body, with one clone (image 0) to which the most precise points are anchored. The tail is where
+/// the body was when the image was taken, hence by the time offset's error away from that reading.
+/// omega_I: angular velocity without bias [rad/s].
+FilterState started(const BatchTail& tail, const MountEstimate& mount, const Rig& rig,
+                    const MotionModel& motion, const ImuReading& at, const Eigen::Vector3d& omega_I,
                     const FilterStartOptions& options);
 
 }  // namespace vio

@@ -34,6 +34,28 @@ FilterState::FilterState(CoreKind kind, const CoreState& mean, const CoreMatrix&
     if (kind == CoreKind::inertial && invariant) in_variables_.emplace();
 }
 
+void FilterState::start_mount(const CameraMount& mount, const MatrixXd& covariance) {
+    mount_ = mount;
+    if (covariance.size() == 0) return;
+    mount_size_ = kMountSize;
+    reserve(size_ + kMountSize);
+    P_.block(0, size_, size_, kMountSize).setZero();
+    P_.block(size_, 0, kMountSize, size_).setZero();
+    P_.block<kMountSize, kMountSize>(size_, size_) = covariance;
+    size_ += kMountSize;
+    if (in_variables_) in_variables_->augment(0, MatrixXd::Zero(kMountSize, 0));
+}
+
+CoreMatrix FilterState::timed_covariance() const {
+    const int c = core_size_, at = mount_offset() + kTimeOffset;
+    CoreMatrix P(c + 1, c + 1);
+    P.topLeftCorner(c, c) = core_covariance();
+    P.topRightCorner(c, 1) = waiting_.transition * P_.block(0, at, c, 1);
+    P.bottomLeftCorner(1, c) = P.topRightCorner(c, 1).transpose();
+    P(c, c) = P_(at, at);
+    return P;
+}
+
 void FilterState::start_landmarks(const std::vector<LandmarkState>& landmarks,
                                   const MatrixXd& joint_covariance) {
     landmarks_ = landmarks;
@@ -184,9 +206,15 @@ void FilterState::settle() {
     waiting_.vector.setZero();
 }
 
-void FilterState::inflate(double rotation, double position, double velocity) {
-    P_.diagonal().segment<3>(kRotation).array() += rotation * rotation;
-    P_.diagonal().segment<3>(kPosition).array() += position * position;
+void FilterState::inflate(int slot, double rotation, double position, double velocity) {
+    const int clone = clone_offset(slot);
+    for (const int row : {0, clone})
+        for (const int column : {0, clone}) {
+            P_.block<3, 3>(row + kRotation, column + kRotation).diagonal().array() +=
+                rotation * rotation;
+            P_.block<3, 3>(row + kPosition, column + kPosition).diagonal().array() +=
+                position * position;
+        }
     if (core_size_ > kVelocity) P_.diagonal().segment<3>(kVelocity).array() += velocity * velocity;
 }
 
@@ -213,7 +241,7 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     size_ += added;
 }
 
-void FilterState::clone(int image_idx) {
+void FilterState::clone(int image_idx, const Vector6d& pose_rate, double shift) {
     int slot = find_clone(-1);
     const bool inserted = slot < 0;
     if (inserted) {
@@ -228,10 +256,15 @@ void FilterState::clone(int image_idx) {
         size_ += 6;
     }
     const int at = clone_offset(slot);
-    clones_[slot] = {image_idx, core_.T_W_I};
+    clones_[slot] = {image_idx, core_.T_W_I.boxplus(shift * pose_rate)};
     P_.block(at, 0, 6, size_) = P_.block(0, 0, 6, size_).eval();
     P_.block(0, at, size_, 6) = P_.block(0, 0, size_, 6).eval();
     if (in_variables_) in_variables_->clone(at, inserted);
+    if (mount_size_ == 0) return;
+    const int offset = mount_offset() + kTimeOffset;
+    P_.block(at, 0, 6, size_) += pose_rate * P_.row(offset).head(size_);
+    P_.block(0, at, size_, 6) += P_.col(offset).head(size_) * pose_rate.transpose();
+    if (in_variables_) in_variables_->add(at, offset, pose_rate);
 }
 
 void FilterState::release_clone(int slot) {
@@ -241,10 +274,11 @@ void FilterState::release_clone(int slot) {
 void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
     LandmarkState& landmark = landmarks_[idx];
     const int own = landmark_offset(idx), from = clone_offset(landmark.anchor),
-              to = clone_offset(slot);
+              to = clone_offset(slot), mounted = mount_size_ > 0 ? 6 : 0;
     const auto product = [&](const auto& columns_of) -> MatrixXd {
         return moved.J_point * columns_of(own, 3) + moved.J_from * columns_of(from, 6) +
-               moved.J_to * columns_of(to, 6);
+               moved.J_to * columns_of(to, 6) +
+               moved.J_camera.leftCols(mounted) * columns_of(mount_offset(), mounted);
     };
     const MatrixXd rows = product([&](int at, int n) { return P_.block(at, 0, n, size_); });
     const Matrix3d variance =
@@ -252,7 +286,8 @@ void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
     P_.block(own, 0, 3, size_) = rows;
     P_.block(0, own, size_, 3) = rows.transpose();
     P_.block<3, 3>(own, own) = 0.5 * (variance + variance.transpose());
-    if (in_variables_ && own < in_variables_->size()) in_variables_->reanchor(own, from, to, moved);
+    if (in_variables_ && own < in_variables_->size())
+        in_variables_->reanchor(own, from, to, mount_offset(), mounted, moved);
     landmark.point = moved.point;
     landmark.anchor = slot;
 }

@@ -1,8 +1,10 @@
 // State of the recursive estimator: mean and covariance behind a few verbs.
 //
-// The state is a core (the moving IMU frame I), a window of cloned earlier IMU poses, and
-// landmarks. Error order: core | clones | landmarks. Every error is plain: rotations perturbed on
-// the right, everything else added in its own frame.
+// The state is a core (the moving IMU frame I), the camera's mount where that is uncertain, a
+// window of cloned IMU poses when images were taken, and landmarks. Error order: core | mount |
+// clones | landmarks. Every error is plain: rotations perturbed on the right, everything else added
+// in its own frame. Images are seen from clones, so the time offset acts where these are made: a
+// clone is where the core was or will be by the offset's error.
 //
 // Consistency. Global position and rotation about gravity cannot be observed. A filter that
 // linearises at changing estimates gains spurious information about them. Here a correction acts as
@@ -55,13 +57,15 @@ struct LandmarkState {
     int rejections = 0;     ///< consecutive, up to now
 };
 
-/// Linearised measurement of one landmark from the core pose, scaled to unit noise: residual is the
-/// sum of the Jacobians, each times its error (core's rotation and position, those of the
-/// landmark's anchor, the landmark's own), and noise.
+/// Linearised measurement of one landmark from a clone, scaled to unit noise: residual is the sum
+/// of the Jacobians, each times its error (rotation and position of the clone and of the landmark's
+/// anchor, T_I_C, the landmark's own), and noise.
 struct PointRows {
     int landmark_idx = -1;
+    int slot = -1;  ///< of the clone
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 6> J_pose, J_anchor;
+    Eigen::Matrix<double, 2, 6> J_camera = Eigen::Matrix<double, 2, 6>::Zero();
     Matrix23d J_landmark;
 };
 
@@ -87,18 +91,29 @@ class FilterState {
     // ---- What is believed --------------------------------------------------------------------
 
     int core_size() const { return core_size_; }
-    /// Core and clones: columns that a measurement from the window can touch.
-    int window_size() const { return core_size_ + 6 * static_cast<int>(clones_.size()); }
+    /// Of the mount's errors; 0: it is known exactly.
+    int mount_size() const { return mount_size_; }
+    /// Core, mount and clones: columns that a measurement from the window can touch.
+    int window_size() const { return clone_offset(static_cast<int>(clones_.size())); }
     int size() const { return size_; }
     const CoreState& core() const { return core_; }
+    const CameraMount& mount() const { return mount_; }
+    /// T_I_C where the errors are delta.
+    Pose T_I_C(const Eigen::VectorXd& delta) const {
+        return mount_size_ == 0 ? mount_.T_I_C
+                                : mount_.T_I_C.boxplus(delta.segment<6>(mount_offset()));
+    }
     const std::vector<ClonedPose>& clones() const { return clones_; }
     const std::vector<LandmarkState>& landmarks() const { return landmarks_; }
-    int clone_offset(int slot) const { return core_size_ + 6 * slot; }
+    int mount_offset() const { return core_size_; }
+    int clone_offset(int slot) const { return core_size_ + mount_size_ + 6 * slot; }
     int landmark_offset(int idx) const { return window_size() + 3 * idx; }
     /// Slot of the clone made at an image; -1 if there is none.
     int find_clone(int image_idx) const;
     /// Covariance of the core, always current.
     CoreMatrix core_covariance() const { return P_.topLeftCorner(core_size_, core_size_); }
+    /// Covariance of core and time offset, which follows it, likewise. Only with a mount.
+    CoreMatrix timed_covariance() const;
     /// Whole covariance. Only after settle().
     auto covariance() const { return P_.topLeftCorner(size_, size_); }
 
@@ -126,7 +141,7 @@ class FilterState {
     /// covariance is not positive definite.
     int update(const Linearise& linearise, int max_iterations);
 
-    // Jacobians below have the last columns of the window: those of core and clones, or of clones.
+    // Jacobians below have the last columns of the window: all, or those of mount and clones.
 
     /// Update with residual = H dx + unit noise. Nothing is changed where the residual's covariance
     /// is not positive definite.
@@ -143,8 +158,10 @@ class FilterState {
     void augment(const std::vector<LandmarkState>& landmarks, const Eigen::MatrixXd& G,
                  const Eigen::MatrixXd& noise);
 
-    /// Adds the current pose to the window.
-    void clone(int image_idx);
+    /// Adds the current pose to the window. pose_rate: how the pose's errors grow with that of the
+    /// time offset (angular velocity [rad/s], velocity [m/s]); shift: from the core to the image
+    /// [s].
+    void clone(int image_idx, const Vector6d& pose_rate = Vector6d::Zero(), double shift = 0);
     /// Forgets the clone in a slot; no landmark may be anchored there.
     void release_clone(int slot);
     /// Anchors a landmark to the clone in another slot.
@@ -152,8 +169,9 @@ class FilterState {
     /// Forgets landmarks (marginalises them); remove[i] tells for landmark i.
     void marginalise(const std::vector<bool>& remove);
 
-    /// Makes the core less certain, by standard deviations [rad], [m], [m/s].
-    void inflate(double rotation, double position, double velocity);
+    /// Makes the core, and the clone in a slot with it, less certain, by standard deviations [rad],
+    /// [m], [m/s].
+    void inflate(int slot, double rotation, double position, double velocity);
 
     LandmarkState& landmark(int idx) { return landmarks_[idx]; }
 
@@ -162,7 +180,10 @@ class FilterState {
     /// Mean moved by an error vector (first entries of delta; the rest stays).
     static CoreState moved(const CoreState& core, const Eigen::Ref<const Eigen::VectorXd>& delta);
 
-    /// Start with a given joint covariance of core, clones and landmarks.
+    /// The camera's mount; covariance: empty where it is exact, else of kMountSize. Before the
+    /// first clone.
+    void start_mount(const CameraMount& mount, const Eigen::MatrixXd& covariance);
+    /// Start with a given joint covariance of core, mount, clones and landmarks.
     void start_landmarks(const std::vector<LandmarkState>& landmarks,
                          const Eigen::MatrixXd& joint_covariance);
 
@@ -190,6 +211,10 @@ class FilterState {
     Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M,
                                     const std::vector<PointRows>& rows) const;
     Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M, const Eigen::MatrixXd& H) const;
+    Eigen::VectorXd transposed_times(const std::vector<PointRows>& rows, const Eigen::VectorXd& w,
+                                     Eigen::Index size) const;
+    Eigen::VectorXd transposed_times(const Eigen::MatrixXd& H, const Eigen::VectorXd& w,
+                                     Eigen::Index size) const;
     template <typename Rows>
     Eigen::VectorXd sensitivity_change(const Rows& H, const Eigen::VectorXd& weight) const;
     void doubt_sensitivity();
@@ -204,9 +229,10 @@ class FilterState {
     CoreMatrix core_carrier(const Eigen::Ref<const Eigen::VectorXd>& delta, const CoreState& before,
                             const CoreState& after) const;
 
-    int core_size_, size_;
+    int core_size_, mount_size_ = 0, size_;
     bool invariant_;
     CoreState core_;
+    CameraMount mount_;
     std::vector<ClonedPose> clones_;
     std::vector<LandmarkState> landmarks_;
     Eigen::MatrixXd P_;  // capacity; the covariance is its top left corner

@@ -20,9 +20,11 @@ constexpr int kRowsAtOnce = 64;      // of measurements that reduce the covarian
 }  // namespace
 
 Vector2d FilterState::applied(const PointRows& row, const VectorXd& d) const {
-    return row.J_pose * d.head<6>() +
-           row.J_anchor * d.segment<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +
-           row.J_landmark * d.segment<3>(landmark_offset(row.landmark_idx));
+    Vector2d sum = row.J_pose * d.segment<6>(clone_offset(row.slot)) +
+                   row.J_anchor * d.segment<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +
+                   row.J_landmark * d.segment<3>(landmark_offset(row.landmark_idx));
+    if (mount_size_ > 0) sum += row.J_camera * d.segment<6>(mount_offset());
+    return sum;
 }
 
 VectorXd FilterState::applied(const std::vector<PointRows>& rows, const VectorXd& d) const {
@@ -35,13 +37,19 @@ VectorXd FilterState::applied(const std::vector<PointRows>& rows, const VectorXd
 // M J^T, two columns; where M has the window's columns alone, without the landmark's part.
 void FilterState::combine(const Eigen::Ref<const MatrixXd>& M, const PointRows& row, double* first,
                           double* second) const {
-    const int at[] = {0, clone_offset(landmarks_[row.landmark_idx].anchor),
-                      landmark_offset(row.landmark_idx)};
-    Eigen::Matrix<double, 2, 15> J;
-    J << row.J_pose, row.J_anchor, row.J_landmark;
-    const int count = at[2] < M.cols() ? 15 : 12;
-    const double* columns[15];
-    for (int k = 0; k < count; ++k) columns[k] = M.data() + (at[k / 6] + k % 6) * M.outerStride();
+    Eigen::Matrix<double, 2, 21> J;
+    const double* columns[21];
+    int count = 0;
+    const auto add = [&](int at, const auto& own) {
+        J.middleCols<own.ColsAtCompileTime>(count) = own;
+        for (int k = 0; k < own.cols(); ++k)
+            columns[count++] = M.data() + (at + k) * M.outerStride();
+    };
+    add(clone_offset(row.slot), row.J_pose);
+    add(clone_offset(landmarks_[row.landmark_idx].anchor), row.J_anchor);
+    if (mount_size_ > 0) add(mount_offset(), row.J_camera);
+    const int landmark = landmark_offset(row.landmark_idx);
+    if (landmark < M.cols()) add(landmark, row.J_landmark);
     blas::combine(columns, J.data(), count, static_cast<int>(M.rows()), first, second);
 }
 
@@ -50,7 +58,7 @@ void FilterState::project(const PointRows& row, int column) {
     combine(P(), row, PHt_.col(column).data(), PHt_.col(column + 1).data());
 }
 
-// P H^T and S = H P H^T + I for landmarks seen from the core pose, H = J.
+// P H^T and S = H P H^T + I for landmarks, H = J.
 void FilterState::gain(const std::vector<PointRows>& rows) {
     const int m = 2 * static_cast<int>(rows.size());
     PHt_.resize(size_, m);
@@ -62,7 +70,9 @@ void FilterState::gain(const std::vector<PointRows>& rows) {
         const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
                   landmark = landmark_offset(row.landmark_idx), columns = 2 * i + 2;
         auto S_row = S_.block(2 * i, 0, 2, columns);
-        S_row.noalias() = row.J_pose.lazyProduct(PHt_.block(0, 0, 6, columns));
+        S_row.noalias() = row.J_pose.lazyProduct(PHt_.block(clone_offset(row.slot), 0, 6, columns));
+        if (mount_size_ > 0)
+            S_row.noalias() += row.J_camera.lazyProduct(PHt_.block(mount_offset(), 0, 6, columns));
         S_row.noalias() += row.J_anchor.lazyProduct(PHt_.block(anchor, 0, 6, columns));
         S_row.noalias() += row.J_landmark.lazyProduct(PHt_.block(landmark, 0, 3, columns));
     }
@@ -227,12 +237,11 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
 
 // Jacobians with respect to the errors at the prior, from those at the prior moved by delta.
 void FilterState::carry_back(const VectorXd& delta, std::vector<PointRows>* rows) const {
-    const Matrix6d core = pose_carrier(delta.head<6>(), core_.T_W_I.R);
     std::vector<Matrix6d> clone;
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i)
         clone.push_back(pose_carrier(delta.segment<6>(clone_offset(i)), clones_[i].T_W_I.R));
     for (PointRows& row : *rows) {
-        row.J_pose = (row.J_pose * core).eval();
+        row.J_pose = (row.J_pose * clone[row.slot]).eval();
         row.J_anchor = (row.J_anchor * clone[landmarks_[row.landmark_idx].anchor]).eval();
     }
 }
@@ -242,6 +251,29 @@ MatrixXd FilterState::times_transpose(const MatrixXd& M, const std::vector<Point
     MatrixXd product(M.rows(), 2 * static_cast<Eigen::Index>(rows.size()));
     for (int i = 0; i < static_cast<int>(rows.size()); ++i)
         combine(M, rows[i], &product(0, 2 * i), &product(0, 2 * i + 1));
+    return product;
+}
+
+// The first entries of H^T w.
+VectorXd FilterState::transposed_times(const std::vector<PointRows>& rows, const VectorXd& w,
+                                       Eigen::Index size) const {
+    VectorXd product = VectorXd::Zero(size_);
+    for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
+        const PointRows& row = rows[i];
+        const Vector2d own = w.segment<2>(2 * i);
+        product.segment<6>(clone_offset(row.slot)) += row.J_pose.transpose() * own;
+        product.segment<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +=
+            row.J_anchor.transpose() * own;
+        if (mount_size_ > 0) product.segment<6>(mount_offset()) += row.J_camera.transpose() * own;
+        product.segment<3>(landmark_offset(row.landmark_idx)) += row.J_landmark.transpose() * own;
+    }
+    return product.head(size);
+}
+
+VectorXd FilterState::transposed_times(const MatrixXd& H, const VectorXd& w,
+                                       Eigen::Index size) const {
+    VectorXd product = VectorXd::Zero(size);
+    product.segment(window_size() - H.cols(), H.cols()) = H.transpose() * w;
     return product;
 }
 
@@ -273,7 +305,7 @@ template <typename Rows>
 VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) const {
     const MatrixXd& C = in_variables_->correlation();
     VectorXd change = VectorXd::Zero(size_);
-    change.head(C.rows()).noalias() = -times_transpose(C, H) * weight;
+    change.head(C.rows()).noalias() = -C * transposed_times(H, weight, C.cols());
     return change;
 }
 
@@ -307,6 +339,8 @@ void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
     const CoreState before = core_;
     core_ = moved(core_, delta.head(core_size_));
     if (invariant_) carry(0, core_carrier(delta.head(core_size_), before, core_).leftCols<3>());
+    mount_.T_I_C = T_I_C(delta);
+    if (mount_size_ > 0) mount_.time_offset += delta(mount_offset() + kTimeOffset);
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i) {
         const Vector6d own = delta.segment<6>(clone_offset(i));
         if (invariant_) carry(clone_offset(i), pose_carrier(own, clones_[i].T_W_I.R).leftCols<3>());

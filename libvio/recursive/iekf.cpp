@@ -45,16 +45,18 @@ Rig checked(Rig rig) {
 
 Iekf::Impl::Impl(const Rig& r, const IekfOptions& o, const BatchOptions& batch, bool imu)
     : rig(checked(r)),
+      stated_offset(from_seconds(rig.time_offset)),
       options(o),
       use_imu(imu),
-      T_I_C(rig.T_I_C()),
       queue(from_seconds(o.message_window), imu),
       prefix(rig, o, batch, imu),
       priors(batch),
       rest(rig.imu_noise, o.sigma_px),
       motion(make_motion(rig, o, imu)),
-      window(window_options(rig, o), rig.camera, T_I_C),
-      landmark_gate(chi_square_quantile(2, o.gate)) {}
+      window(window_options(rig, o), rig.camera),
+      landmark_gate(chi_square_quantile(2, o.gate)) {
+    prefix.set_mount(known_mount());
+}
 
 // ---- The course -------------------------------------------------------------------------------
 
@@ -65,7 +67,8 @@ void Iekf::Impl::take_messages(bool at_end) {
 
 void Iekf::Impl::take(const ImuReading& reading) {
     if (!use_imu) return;
-    rest.add(reading);
+    if (reading.t > newest_reading) rest.add(reading);
+    newest_reading = std::max(newest_reading, reading.t);
     if (!state && given_start && reading.t >= given_time()) begin_given(reading);
     if (state) {
         const double interval = to_seconds(reading.t - (last_reading ? last_reading->t : now.t));
@@ -79,7 +82,8 @@ void Iekf::Impl::take(const ImuReading& reading) {
 }
 
 void Iekf::Impl::take(const TimedFrame& image) {
-    if (use_imu) rest.add(image.frame, image.t_imu);
+    if (use_imu && image.frame.t > newest_image) rest.add(image.frame, image.t_imu);
+    newest_image = std::max(newest_image, image.frame.t);
     if (!state && given_start && image.t_imu > given_time())
         begin_given(use_imu && queue.next_reading() ? *queue.next_reading() : ImuReading{});
     if (state && image.t_imu > started_at) process_image(image);
@@ -92,7 +96,7 @@ void Iekf::Impl::process_image(const TimedFrame& image) {
     image_time = image.frame.t;
     innovations = {.t = image.frame.t};
     take_reading_innovations();
-    move_to(image.t_imu);
+    move_to(image.t_imu, image.frame.t);
     abandon_if_blind(image.frame.t);
     if (!abandoned) {
         sort_features(image.frame);
@@ -102,6 +106,7 @@ void Iekf::Impl::process_image(const TimedFrame& image) {
     }
     use_window_points();
     judge(image.frame.t);
+    know_mount(state->mount());
     report(image.frame.t, used);
     result.innovations.push_back(innovations);
     follow_keyframes(image.frame);
@@ -124,8 +129,12 @@ void Iekf::add(const ImuReading& reading) {
     impl_->take_messages(false);
 }
 
+// An image that comes in time by the stated offset counts as late by no other.
 void Iekf::add(const FeatureFrame& frame) {
-    impl_->queue.add(TimedFrame{frame.t + from_seconds(impl_->rig.time_offset), frame});
+    TimeNs t_imu = frame.t + from_seconds(impl_->rig.time_offset);
+    if (const auto released = impl_->queue.released())
+        t_imu = std::max(t_imu, std::min(frame.t + impl_->stated_offset, *released));
+    impl_->queue.add(TimedFrame{t_imu, frame});
     impl_->take_messages(false);
 }
 
@@ -133,7 +142,7 @@ void Iekf::finish() {
     impl_->take_messages(true);
     // A recording shorter than a prefix has at least its batch estimate.
     if (!impl_->state && !impl_->given_start && impl_->prefix.images() >= kShortestPrefix)
-        impl_->start_from_prefix(nullptr);
+        impl_->start_at_end();
     if (impl_->state) {
         impl_->state->settle();
         impl_->end_keyframe();

@@ -25,9 +25,18 @@ struct IekfOptions {
 
     std::string start = "auto";  ///< auto | prefix | rest
     int prefix_images = 60;
-    double start_velocity_sigma = 0.5;  ///< [m/s]
+    double start_velocity_sigma = 0.2;  ///< [m/s]
     double start_tilt_sigma = 0.1;      ///< [rad]
+    double start_wanted_tilt = 2e-3;    ///< sigma [rad] that a start waits for
     double start_scale_sigma = 0.25;    ///< share
+
+    // What is known of the calibration; imu_driven. All of the camera's zero: its mount is exact,
+    // else estimated, from what a careful calibration leaves.
+    double camera_rotation_sigma = 0.005;  ///< camera on the IMU, about each axis [rad]
+    double camera_position_sigma = 0.002;  ///< along each axis [m]
+    double time_offset_sigma = 0.005;      ///< of the camera's clock [s]
+    double imu_rotation_sigma = 0;         ///< IMU on the body, about each axis [rad]
+    double imu_position_sigma = 0;         ///< along each axis [m]
 
     int clones = 11;
     int max_landmarks = 50;

@@ -38,7 +38,7 @@ void Iekf::Impl::judge(TimeNs t) {
     if (restarting && !abandoned && !lost) return recovered(t);
     if (!abandoned && contradicts()) {
         abandon(t, "most points have contradicted the state for a while");
-        state->inflate(kLostRotation, kLostPosition, kLostVelocity);
+        state->inflate(state->find_clone(image_idx), kLostRotation, kLostPosition, kLostVelocity);
     } else if (unsure && !restarting) {
         restart(t, why());
     }

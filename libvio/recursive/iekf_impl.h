@@ -43,14 +43,19 @@ struct Iekf::Impl {
     void try_start(const TimedFrame& image);
     void start_from_rest();
     bool start_from_prefix(const ImuReading* next);
+    void start_from(Prefix::Start start);
+    void start_at_end();
     void coast_from_attitude();
     ImuReading reading_at(TimeNs t_imu) const;
     void begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
-                     const Pose& from, TimeNs from_t, const std::string& how);
-    void begin(const BatchTail& tail, const ImuReading& at);
+                     const MountEstimate& mount, const Pose& from, TimeNs from_t,
+                     const std::string& how);
+    void begin(const BatchTail& tail, const MountEstimate& mount, const ImuReading& at);
+    void know_mount(const CameraMount& mount);
+    MountEstimate known_mount() const;
     void restart(TimeNs t, const std::string& why);
     void recovered(TimeNs t);
-    void move_to(TimeNs t_imu);
+    void move_to(TimeNs t_imu, TimeNs t);
     void sort_features(const FeatureFrame& frame);
     void update_known_points();
     bool sights_to_blame(const std::vector<LandmarkSight>& passed) const;
@@ -76,6 +81,8 @@ struct Iekf::Impl {
     bool contradicts();
     void judge(TimeNs t);
     void report(TimeNs t, int features);
+    CoreState core_at(TimeNs t, Matrix15d& P) const;
+    void add_mounting(StateEstimate& body, const Eigen::Vector3d& omega_I) const;
     void follow_keyframes(const FeatureFrame& frame);
     void end_keyframe();
     std::vector<PredictedFeature> predict(TimeNs t_imu) const;
@@ -84,10 +91,10 @@ struct Iekf::Impl {
     void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
     TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
 
-    Rig rig;
+    Rig rig;  // its mount as estimated last
+    const TimeNs stated_offset;
     IekfOptions options;
     bool use_imu;
-    Pose T_I_C;
     MessageQueue<> queue;
     Prefix prefix;
     BatchOptions priors;
@@ -98,8 +105,10 @@ struct Iekf::Impl {
 
     std::optional<FilterState> state;      // once started
     std::optional<BatchTail> given_start;  // until readings reach it
+    std::optional<Prefix::Start> waiting;  // from a prefix, until that is longer
     std::optional<ImuReading> last_reading;
-    ImuReading now;  // of the state's time
+    ImuReading now;                               // of the state's time
+    TimeNs newest_reading = 0, newest_image = 0;  // taken so far
     TimeNs started_at = 0;
     int image_idx = 0;
     KeyframeSelector keyframes;

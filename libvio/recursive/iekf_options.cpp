@@ -26,8 +26,24 @@ void IekfOptions::describe(OptionSet& options) {
                 "largest uncertainty of velocity to start with");
     options.add("start_tilt_sigma", &start_tilt_sigma, "rad", {1e-4, 1},
                 "largest uncertainty of the direction of gravity to start with");
+    options.add("start_wanted_tilt", &start_wanted_tilt, "rad", {0, 1},
+                "while the direction of gravity is less certain, the first start waits for more "
+                "images, up to twice prefix_images");
     options.add("start_scale_sigma", &start_scale_sigma, "", {1e-3, 1},
                 "largest uncertainty of the path's scale to start with, as a share");
+    options.add(
+        "camera_rotation_sigma", &camera_rotation_sigma, "rad", {0, 1},
+        "imu_driven: uncertainty of the camera's attitude on the IMU, about each axis; it is "
+        "estimated unless this, the next and time_offset_sigma are all 0: exact");
+    options.add("camera_position_sigma", &camera_position_sigma, "m", {0, 10},
+                "likewise of its position, along each axis");
+    options.add("time_offset_sigma", &time_offset_sigma, "s", {0, 1},
+                "likewise of the offset between the clocks of camera and IMU");
+    options.add("imu_rotation_sigma", &imu_rotation_sigma, "rad", {0, 1},
+                "uncertainty of the IMU's attitude on the body, about each axis: nothing tells of "
+                "it, it is added to that of the output; 0: the body is where the IMU says");
+    options.add("imu_position_sigma", &imu_position_sigma, "m", {0, 10},
+                "likewise of its position, along each axis");
     options.add("clones", &clones, "images", {3, 60}, "earlier poses kept in the state");
     options.add("max_landmarks", &max_landmarks, "", {0, 1000}, "points kept in the state");
     options.add("lost_after", &lost_after, "images", {0, 1000},

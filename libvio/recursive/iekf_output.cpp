@@ -2,12 +2,49 @@
 #include <algorithm>
 
 #include "libvio/geometry/relative_pose.h"
+#include "libvio/geometry/so3.h"
 #include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/iekf_impl.h"
 
 namespace vio {
 
 using Eigen::Vector3d;
+
+// The core at a time on the camera's clock, which the state's is but for what the time offset's
+// estimate has changed; P: its covariance, with the offset's.
+CoreState Iekf::Impl::core_at(TimeNs t, Matrix15d& P) const {
+    CoreState core = state->core();
+    const int c = std::min(15, state->core_size());
+    if (state->mount_size() == 0) {
+        P.topLeftCorner(c, c) = state->core_covariance().topLeftCorner(c, c);
+        return core;
+    }
+    const Vector9d rate = rate_of(core, now);
+    Eigen::Matrix<double, 15, 16> by_offset = Eigen::Matrix<double, 15, 16>::Identity();
+    by_offset.block<9, 1>(0, 15) = rate;
+    P = by_offset * state->timed_covariance() * by_offset.transpose();
+    const Vector9d moved = rate * to_seconds(t + from_seconds(rig.time_offset) - now.t);
+    core.T_W_I = core.T_W_I.boxplus(moved.head<6>());
+    core.v_W += moved.tail<3>();
+    return core;
+}
+
+// Adds what the uncertain place of the IMU on the body makes of the body's state.
+void Iekf::Impl::add_mounting(StateEstimate& body, const Vector3d& omega_I) const {
+    const double rotation = options.imu_rotation_sigma, position = options.imu_position_sigma;
+    if (rotation == 0 && position == 0) return;
+    const Eigen::Matrix3d R_W_I = body.T_W_B.R * rig.T_B_I.R;
+    const Eigen::Matrix3d lever = so3::skew(rig.T_B_I.inverse().p);
+    Eigen::Matrix<double, 9, 6> J = Eigen::Matrix<double, 9, 6>::Zero();
+    J.block<3, 3>(kRotation, 0) = -rig.T_B_I.R;
+    J.block<3, 3>(kPosition, 0) = R_W_I * lever;
+    J.block<3, 3>(kPosition, 3) = -body.T_W_B.R;
+    J.block<3, 6>(kVelocity, 0) =
+        R_W_I * so3::skew(omega_I) * R_W_I.transpose() * J.block<3, 6>(kPosition, 0);
+    Vector6d variance;
+    variance << Vector3d::Constant(rotation * rotation), Vector3d::Constant(position * position);
+    body.covariance.topLeftCorner<9, 9>() += J * variance.asDiagonal() * J.transpose();
+}
 
 // Adds the state to the result, once for each time.
 void Iekf::Impl::report(TimeNs t, int features) {
@@ -17,13 +54,13 @@ void Iekf::Impl::report(TimeNs t, int features) {
                              : state->core_size() == static_cast<int>(CoreKind::smooth)
                                  ? state->core().omega_I
                                  : Vector3d(now.gyro - state->core().gyro_bias);
-    Matrix15d J;
-    StateEstimate out = body_state(state->core(), rig.T_B_I.inverse(), omega_I, &J);
+    Matrix15d J, P = Matrix15d::Zero();
+    const CoreState core = core_at(t, P);
+    StateEstimate out = body_state(core, rig.T_B_I.inverse(), omega_I, &J);
     out.t = t;
-    const int c = std::min(15, state->core_size());
-    out.covariance.topLeftCorner(c, c) = state->core_covariance().topLeftCorner(c, c);
-    out.covariance = (J * out.covariance * J.transpose()).eval();
-    out.covariance = (0.5 * (out.covariance + out.covariance.transpose())).eval();
+    P = (J * P * J.transpose()).eval();
+    out.covariance = 0.5 * (P + P.transpose());
+    add_mounting(out, omega_I);
     out.lost = lost || image_missing(t);
     out.features = features;
     result.states.push_back(out);
@@ -72,7 +109,8 @@ void Iekf::Impl::end_keyframe() {
 void Iekf::Impl::note_landmark(int i) {
     const LandmarkState& landmark = state->landmarks()[i];
     if (!landmark.point.in_front()) return;
-    const PlacedPoint place = placed(landmark.point, state->clones()[landmark.anchor].T_W_I, T_I_C);
+    const PlacedPoint place =
+        placed(landmark.point, state->clones()[landmark.anchor].T_W_I, state->mount().T_I_C);
     Eigen::Matrix<double, 3, 9> G;
     G << place.J_rotation, Eigen::Matrix3d::Identity(), place.J_point;
     const int anchor = state->clone_offset(landmark.anchor), at = state->landmark_offset(i);

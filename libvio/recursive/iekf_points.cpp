@@ -19,7 +19,7 @@ constexpr double kDoubtRotation = 0.02, kDoubtPosition = 0.05, kDoubtVelocity = 
 
 }  // namespace
 
-void Iekf::Impl::move_to(TimeNs t_imu) {
+void Iekf::Impl::move_to(TimeNs t_imu, TimeNs t) {
     ImuReading at{t_imu, now.gyro, now.accel};
     if (use_imu && queue.next_reading()) {
         at = interpolated(now, *queue.next_reading(), t_imu);
@@ -35,7 +35,13 @@ void Iekf::Impl::move_to(TimeNs t_imu) {
     motion->advance(*state, now, at, interval);
     now = at;
     state->settle();
-    state->clone(++image_idx);
+    Vector6d pose_rate = Vector6d::Zero();
+    double shift = 0;
+    if (state->mount_size() > 0) {
+        pose_rate = rate_of(state->core(), now).head<6>();
+        shift = to_seconds(t + from_seconds(rig.time_offset) - now.t);
+    }
+    state->clone(++image_idx, pose_rate, shift);
 }
 
 void Iekf::Impl::sort_features(const FeatureFrame& frame) {
@@ -64,8 +70,8 @@ bool Iekf::Impl::sights_to_blame(const std::vector<LandmarkSight>& passed) const
     if (static_cast<int>(passed.size()) < options.min_features) return false;
     std::set<int> passed_idx;
     for (const LandmarkSight& s : passed) passed_idx.insert(s.landmark_idx);
-    const auto agree = agreeing_sights(*state, known, *rig.camera, T_I_C, landmark_gate,
-                                       kDoubtRotation, kDoubtPosition);
+    const auto agree = agreeing_sights(*state, known, state->find_clone(image_idx), *rig.camera,
+                                       landmark_gate, kDoubtRotation, kDoubtPosition);
     const auto others = std::count_if(agree.begin(), agree.end(), [&](const LandmarkSight& s) {
         return passed_idx.count(s.landmark_idx) == 0;
     });
@@ -73,18 +79,19 @@ bool Iekf::Impl::sights_to_blame(const std::vector<LandmarkSight>& passed) const
 }
 
 void Iekf::Impl::update_known_points() {
+    const int slot = state->find_clone(image_idx);
     std::vector<LandmarkSight> passed =
-        gated_sights(*state, known, *rig.camera, T_I_C, landmark_gate);
+        gated_sights(*state, known, slot, *rig.camera, landmark_gate);
     const auto too_few = [&](const std::vector<LandmarkSight>& sights) {
         return static_cast<int>(known.size()) >= options.min_features &&
                static_cast<double>(sights.size()) < kBadShare * static_cast<double>(known.size());
     };
     contradicted = too_few(passed) && !sights_to_blame(passed);
     if (contradicted) {  // perhaps the prediction is to blame: believe it less
-        passed = agreeing_sights(*state, known, *rig.camera, T_I_C, landmark_gate, kDoubtRotation,
-                                 kDoubtPosition);
+        passed = agreeing_sights(*state, known, state->find_clone(image_idx), *rig.camera,
+                                 landmark_gate, kDoubtRotation, kDoubtPosition);
         if (too_few(passed)) passed.clear();
-        if (!passed.empty()) state->inflate(kDoubtRotation, kDoubtPosition, kDoubtVelocity);
+        if (!passed.empty()) state->inflate(slot, kDoubtRotation, kDoubtPosition, kDoubtVelocity);
     }
     judged.push_back({static_cast<int>(known.size()), static_cast<int>(passed.size())});
     if (static_cast<int>(judged.size()) > kJudgedImages) judged.pop_front();
@@ -97,7 +104,7 @@ void Iekf::Impl::update_known_points() {
         landmark.observations += good;
     }
     if (!passed.empty())
-        update_landmarks(*state, passed, *rig.camera, T_I_C, options.max_iterations);
+        update_landmarks(*state, passed, slot, *rig.camera, options.max_iterations);
     used = static_cast<int>(passed.size());
     innovations.landmarks = static_cast<int>(known.size());
     innovations.landmarks_rejected = innovations.landmarks - used;
@@ -172,7 +179,7 @@ void Iekf::Impl::release(int slot) {
         if (landmark.anchor != slot) continue;
         state->reanchor(i, newest,
                         moved_anchor(landmark.point, state->clones()[slot].T_W_I,
-                                     state->clones()[newest].T_W_I, T_I_C));
+                                     state->clones()[newest].T_W_I, state->mount().T_I_C));
     }
     state->release_clone(slot);
 }

@@ -22,7 +22,10 @@ std::vector<PredictedFeature> Iekf::Impl::predict(TimeNs t_imu) const {
     }
     if (from.t < t_imu) motion->advance(ahead, from, {t_imu, from.gyro, from.accel});
     ahead.settle();
-    return predicted_features(ahead, *rig.camera, T_I_C);
+    const int image = image_idx + 1;
+    ahead.clone(image, ahead.mount_size() > 0 ? Vector6d(rate_of(ahead.core(), from).head<6>())
+                                              : Vector6d(Vector6d::Zero()));
+    return predicted_features(ahead, ahead.find_clone(image), *rig.camera);
 }
 
 std::vector<PredictedFeature> Iekf::predict(TimeNs t) const {

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <deque>
+#include <iterator>
 #include <optional>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "libvio/base/types.h"
 
@@ -52,9 +54,22 @@ class MessageQueue {
                 return std::nullopt;
         }
         released_ = t;
-        return image_first ? released(images_, released_image_)
-                           : released(readings_, released_reading_);
+        return image_first ? release(images_, released_image_)
+                           : release(readings_, released_reading_);
     }
+
+    /// Moves the images that wait in time.
+    void shift_images(TimeNs by) {
+        for (Image& image : images_) image.t_imu += by;
+    }
+    /// Takes messages back that were released, the latest of them, each kind in order of time.
+    void put_back(const std::vector<ImuReading>& readings, std::vector<Image> images) {
+        readings_.insert(readings_.begin(), readings.begin(), readings.end());
+        images_.insert(images_.begin(), std::make_move_iterator(images.begin()),
+                       std::make_move_iterator(images.end()));
+    }
+    /// Time of the last message released, if any was.
+    std::optional<TimeNs> released() const { return released_; }
 
     /// Readings that wait, in order of time.
     const std::deque<ImuReading>& readings() const { return readings_; }
@@ -67,7 +82,7 @@ class MessageQueue {
 
  private:
     template <typename T>
-    std::variant<ImuReading, Image> released(std::deque<T>& queue, std::optional<TimeNs>& last) {
+    std::variant<ImuReading, Image> release(std::deque<T>& queue, std::optional<TimeNs>& last) {
         last = released_;
         T message = std::move(queue.front());
         queue.pop_front();

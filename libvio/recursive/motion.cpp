@@ -198,6 +198,13 @@ class ImageOnlyMotion final : public MotionModel {
 
 }  // namespace
 
+Vector9d rate_of(const CoreState& core, const ImuReading& reading) {
+    Vector9d rate;
+    rate << reading.gyro - core.gyro_bias, core.v_W,
+        core.T_W_I.R * (reading.accel - core.accel_bias) + core.g_W;
+    return rate;
+}
+
 Vector6d inertial_residual(const CoreState& core, const ImuReading& reading, const ImuNoise& noise,
                            double dt, Eigen::Matrix<double, 6, kSmooth>* H) {
     const double rate = reading.gyro.norm();  // the weight must not depend on the state

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "libvio/imu/noise.h"
+#include "libvio/imu/preintegration.h"
 #include "libvio/recursive/filter_state.h"
 
 namespace vio {
@@ -51,6 +52,10 @@ std::unique_ptr<MotionModel> make_smooth_motion(const ImuNoise& noise,
 
 /// Image-only, section 5.7: rotation and position are slow random walks.
 std::unique_ptr<MotionModel> make_image_only_motion(const SmoothnessVariances& variances);
+
+/// How fast attitude, position and velocity change, in the order of their errors, as the reading
+/// says: also how their errors at an image grow with that of the time offset.
+Vector9d rate_of(const CoreState& core, const ImuReading& reading);
 
 /// Residual of Eq. (23), measured - predicted, scaled to unit noise for readings that cover dt [s];
 /// H, if given, receives the derivative of the prediction.

@@ -17,15 +17,18 @@ std::optional<SightResidual> sight_residual(const Camera& camera, const Pose& T_
                                             const Sight& sight) {
     const Eigen::Matrix3d R_I_W = T_W_I.R.transpose();
     const Eigen::Vector3d p_I = R_I_W * (p_W - T_W_I.p);
+    const Eigen::Vector3d p_C = T_C_I * p_I;
     Matrix23d J_C;
-    const auto uv = camera.project(T_C_I * p_I, &J_C);
+    const auto uv = camera.project(p_C, &J_C);
     if (!uv) return std::nullopt;
-    const Matrix23d J_I = sight.whitening * J_C * T_C_I.R;
+    J_C = (sight.whitening * J_C).eval();
+    const Matrix23d J_I = J_C * T_C_I.R;
     SightResidual result;
     result.residual = sight.whitening * (sight.uv_px - *uv);
     result.J_rotation = J_I * so3::skew(p_I);  // exp(-theta) p_I
     result.J_point = J_I * R_I_W;
     result.J_position = -result.J_point;
+    result.J_camera << J_C * so3::skew(p_C), -J_I;
     return result;
 }
 

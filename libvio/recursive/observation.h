@@ -20,10 +20,11 @@ struct Sight {
 std::optional<Sight> make_sight(const FeatureObservation& observation, double sigma_px);
 
 /// measured - predicted, and the derivatives of the prediction with respect to the errors of the
-/// pose (rotation on the right, position in W) and of the point (in W).
+/// pose (rotation on the right, position in W), of the point (in W) and of T_I_C.
 struct SightResidual {
     Eigen::Vector2d residual;
     Matrix23d J_rotation, J_position, J_point;
+    Eigen::Matrix<double, 2, 6> J_camera;
 };
 
 /// Nothing where the camera cannot image the point.

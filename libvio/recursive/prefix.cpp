@@ -83,14 +83,30 @@ Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& b
       batch_(batch),
       use_imu_(use_imu),
       next_attempt_(options.prefix_images) {
-    // The filter goes on with the rig as stated.
-    batch_.intrinsics_sigma = batch_.time_offset_sigma = 0;
-    batch_.extrinsics_rotation_sigma = batch_.extrinsics_position_sigma = 0;
+    batch_.intrinsics_sigma = 0;
+}
+
+void Prefix::set_mount(const MountEstimate& mount) {
+    constexpr double kSigmas = 5;
+    mount_ = mount;
+    rig_.T_B_C = rig_.T_B_I * mount.mount.T_I_C;
+    rig_.time_offset = mount.mount.time_offset;
+    const Eigen::VectorXd sigma = mount.covariance.diagonal().cwiseSqrt();
+    const bool open = sigma.size() > 0;
+    batch_.extrinsics_rotation_sigma = open ? sigma.head<3>().maxCoeff() * 180 / M_PI : 0;
+    batch_.extrinsics_position_sigma = open ? sigma.segment<3>(3).maxCoeff() : 0;
+    batch_.time_offset_sigma = open ? sigma(kTimeOffset) : 0;
+    margin_ = from_seconds(kSigmas * batch_.time_offset_sigma);
 }
 
 void Prefix::add(const ImuReading& reading) {
-    if (frames_.empty()) readings_.clear();  // one before the first image is enough
     readings_.push_back(reading);
+    if (frames_.empty()) drop_readings(reading.t);
+}
+
+// Those that no image from t on needs.
+void Prefix::drop_readings(TimeNs t) {
+    while (readings_.size() > 1 && readings_[1].t <= t - margin_) readings_.pop_front();
 }
 
 void Prefix::add(const FeatureFrame& frame) {
@@ -105,8 +121,17 @@ std::vector<TimeNs> Prefix::image_times() const {
     return times;
 }
 
-bool Prefix::ready() const {
-    return static_cast<int>(frames_.size()) >= next_attempt_;
+bool Prefix::ready(const ImuReading* next) const {
+    return static_cast<int>(covered(next)) >= next_attempt_;
+}
+
+// How many of the images are earlier than the last reading, wherever the time offset may put them.
+std::size_t Prefix::covered(const ImuReading* next) const {
+    if (margin_ == 0 || !use_imu_ || readings_.empty()) return frames_.size();
+    const TimeNs last = (next ? next->t : readings_.back().t) - margin_;
+    std::size_t n = frames_.size();
+    while (n > 0 && frames_[n - 1].t + from_seconds(rig_.time_offset) > last) --n;
+    return n;
 }
 
 void Prefix::clear() {
@@ -131,25 +156,57 @@ void Prefix::retry_later() {
         return;
     }
     frames_.erase(frames_.begin(), frames_.begin() + std::min(step(), images() - 1));
-    const TimeNs oldest = frames_.front().t + from_seconds(rig_.time_offset);
-    while (readings_.size() > 1 && readings_[1].t <= oldest) readings_.pop_front();
+    drop_readings(frames_.front().t + from_seconds(rig_.time_offset));
 }
 
+// Before the first one nothing is known: there it goes on as it began, as far as the time offset
+// may reach.
 ImuSequence Prefix::readings(const ImuReading* next) const {
-    ImuSequence imu({readings_.begin(), readings_.end()});
+    std::vector<ImuReading> all(readings_.begin(), readings_.end());
+    if (margin_ > 0 && !all.empty()) {
+        all.insert(all.begin(), all.front());
+        all.front().t -= margin_;
+    }
+    ImuSequence imu(std::move(all));
     if (next) imu.push_back(*next);
     return imu;
+}
+
+// Turning tells it from the accelerometer's bias, and a first few seconds may have had none.
+bool Prefix::should_wait(const Start& start) const {
+    return use_imu_ && !full() && tilt_sigma(start.tail.state) > options_.start_wanted_tilt;
+}
+
+Prefix::Rest Prefix::after(TimeNs t, TimeNs t_imu) const {
+    Rest rest;
+    for (const ImuReading& reading : readings_) {
+        if (reading.t <= t_imu)
+            rest.before = reading;
+        else
+            rest.readings.push_back(reading);
+    }
+    for (const FeatureFrame& frame : frames_) {
+        if (frame.t == t) rest.at = frame;
+        if (frame.t > t) rest.frames.push_back(frame);
+    }
+    return rest;
 }
 
 std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
     BatchProblem problem;
     problem.rig = rig_;
-    problem.frames.assign(frames_.begin(), frames_.end());
+    problem.frames.assign(frames_.begin(),
+                          frames_.begin() + static_cast<std::ptrdiff_t>(covered(next)));
     gyro_bias_.reset();
     BatchResult result;
+    MountEstimate mount = mount_;
     try {
         if (use_imu_) problem.imu = readings(next);
         result = estimate_batch(problem, batch_, std::nullopt, true);
+        if (result.rig)
+            mount = {{result.rig->rig.T_I_C(), result.rig->rig.time_offset},
+                     result.rig->covariance,
+                     result.tail ? result.tail->with_rig : Eigen::MatrixXd()};
     } catch (const InputError& error) {
         return fail(error.what());
     }
@@ -159,7 +216,7 @@ std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
     std::string why = why_not(result, problem.imu);
     if (!why.empty()) return fail(std::move(why));
     return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
-                 std::move(*result.tail)};
+                 std::move(*result.tail), std::move(mount)};
 }
 
 // The value that forbids to start at a result, and its limit; empty: none.

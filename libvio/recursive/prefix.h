@@ -7,6 +7,7 @@
 #include <string>
 
 #include "libvio/batch/batch.h"
+#include "libvio/recursive/filter_start.h"
 #include "libvio/recursive/iekf.h"
 #include "libvio/recursive/start_of_attitude.h"
 
@@ -25,24 +26,41 @@ class Prefix {
     void add(const ImuReading& reading);
     void add(const FeatureFrame& frame);
 
+    /// What is known of the camera's mount before.
+    void set_mount(const MountEstimate& mount);
+
     int images() const { return static_cast<int>(frames_.size()); }
     TimeNs last_image() const { return frames_.back().t; }
     std::vector<TimeNs> image_times() const;
 
-    /// True when enough images have come since the last attempt.
-    bool ready() const;
+    /// True when enough images have come since the last attempt. next: see attempt().
+    bool ready(const ImuReading* next) const;
 
     /// What the filter goes on from: the states of the prefix's images and their joint uncertainty.
     struct Start {
         std::vector<StateEstimate> states;
         std::vector<RelativeMotion> keyframe_motions;  ///< the last to the last image
         BatchTail tail;
+        MountEstimate mount;
     };
-    /// Start at the last image; nothing if it cannot be trusted, with the reason in why(); what
-    /// follows then is retry_later().
-    /// next: the first reading at or after the last image, if there is one yet.
+    /// Start at the last image that has readings wherever the time offset may put it; nothing if it
+    /// cannot be trusted, with the reason in why(); what follows then is retry_later(). next: the
+    /// first reading at or after the last image, if there is one yet.
     std::optional<Start> attempt(const ImuReading* next);
     const std::string& why() const { return why_; }
+
+    /// Whether a start may get much better with more images: the direction of gravity is less
+    /// certain than wanted, and the prefix not full.
+    bool should_wait(const Start& start) const;
+
+    /// The frame at t, frames after it, readings after t_imu, and the one before these.
+    struct Rest {
+        FeatureFrame at;
+        std::optional<ImuReading> before;
+        std::vector<ImuReading> readings;
+        std::vector<FeatureFrame> frames;
+    };
+    Rest after(TimeNs t, TimeNs t_imu) const;
 
     /// Attitude at the last image, where the path is not to be had; nothing without readings.
     std::optional<AttitudeStart> attitude(const ImuReading* next) const;
@@ -57,11 +75,15 @@ class Prefix {
 
  private:
     std::optional<Start> fail(std::string why);
+    void drop_readings(TimeNs t);
+    std::size_t covered(const ImuReading* next) const;
     ImuSequence readings(const ImuReading* next) const;
     std::string why_not(const BatchResult& result, const ImuSequence& imu) const;
     int step() const { return std::max(1, options_.prefix_images / 2); }
 
     Rig rig_;
+    MountEstimate mount_;
+    TimeNs margin_ = 0;  // by which the time offset may be off
     IekfOptions options_;
     BatchOptions batch_;
     bool use_imu_;

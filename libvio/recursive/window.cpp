@@ -78,12 +78,8 @@ AnchoredPoint far_point(const Vector3d& direction_W, const Pose& anchor, const P
 
 }  // namespace
 
-Window::Window(const WindowOptions& options, CameraPtr camera, const Pose& T_I_C)
-    : options_(options),
-      camera_(std::move(camera)),
-      T_I_C_(T_I_C),
-      T_C_I_(T_I_C.inverse()),
-      gates_(2 * kLongestTrack) {
+Window::Window(const WindowOptions& options, CameraPtr camera)
+    : options_(options), camera_(std::move(camera)), gates_(2 * kLongestTrack) {
     for (int i = 1; i < static_cast<int>(gates_.size()); ++i)
         gates_[i] = chi_square_quantile(i, options.gate);
 }
@@ -146,6 +142,7 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
 
 std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& track,
                                          double loss_width) const {
+    const Pose& T_I_C = state.mount().T_I_C;
     Seen seen;
     std::vector<SightLine> lines;
     for (const SightAt& s : track) {
@@ -154,7 +151,7 @@ std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& 
         const auto ray = camera_->ray(s.sight.uv_px);
         if (!ray) continue;
         const Pose& T_W_I = state.clones()[slot].T_W_I;
-        const Pose T_W_C = T_W_I * T_I_C_;
+        const Pose T_W_C = T_W_I * T_I_C;
         lines.push_back({T_W_C * ray->origin, T_W_C.R * ray->direction});
         seen.poses.push_back(T_W_I);
         seen.slots.push_back(slot);
@@ -165,13 +162,13 @@ std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& 
     if (!rough) return std::nullopt;
     const Pose& anchor = seen.poses.back();
     const auto refined = [&](const AnchoredPoint& start, double least_rho) {
-        return refined_point(start, anchor, *camera_, T_I_C_, seen.poses, seen.sights, least_rho,
+        return refined_point(start, anchor, *camera_, T_I_C, seen.poses, seen.sights, least_rho,
                              loss_width);
     };
-    auto best = refined(anchored(rough->point, anchor, T_I_C_), -HUGE_VAL);
+    auto best = refined(anchored(rough->point, anchor, T_I_C), -HUGE_VAL);
     // Where the camera hardly moved, the sight lines may all but meet just before it.
     if (!best || best->cost > kDoubtful * static_cast<double>(seen.sights.size())) {
-        const AnchoredPoint far = far_point(lines.back().direction, anchor, T_I_C_, seen.poses);
+        const AnchoredPoint far = far_point(lines.back().direction, anchor, T_I_C, seen.poses);
         const auto other = refined(far, far.x.z());
         if (other && (!best || other->cost < best->cost)) best = other;
     }
@@ -184,12 +181,13 @@ std::optional<Window::Seen> Window::seen(const FilterState& state, const Track& 
 std::optional<Window::Track> Window::agreeing(const FilterState& state, const Track& track) const {
     const auto point = seen(state, track, kLossWidth);
     if (!point) return std::nullopt;
-    const Eigen::Vector3d p_W = placed(point->point, point->poses.back(), T_I_C_).p_W;
+    const Pose T_I_C = state.mount().T_I_C, T_C_I = T_I_C.inverse();
+    const Eigen::Vector3d p_W = placed(point->point, point->poses.back(), T_I_C).p_W;
     Track agree;
     for (const SightAt& s : track) {
         const int slot = state.find_clone(s.image_idx);
         if (slot < 0) continue;
-        const auto at = sight_residual(*camera_, T_C_I_, state.clones()[slot].T_W_I, p_W, s.sight);
+        const auto at = sight_residual(*camera_, T_C_I, state.clones()[slot].T_W_I, p_W, s.sight);
         if (at && at->residual.squaredNorm() < kAgrees * kAgrees) agree.push_back(s);
     }
     if (agree.size() == track.size() || 2 * agree.size() <= track.size()) return std::nullopt;
@@ -210,12 +208,13 @@ std::optional<Window::Split> Window::split(const FilterState& state, FeatureId i
     const Pose& anchor = poses.back();
 
     // [H_l | H_x | r], then the orthogonal factor of H_l applied to all.
-    const PlacedPoint place = placed(split.point, anchor, T_I_C_);
-    const int core = state.core_size(), w = state.window_size() - core,  // columns of clones
+    const Pose T_I_C = state.mount().T_I_C, T_C_I = T_I_C.inverse();
+    const PlacedPoint place = placed(split.point, anchor, T_I_C);
+    const int core = state.core_size(), w = state.window_size() - core,  // of mount and clones
         at_anchor = 3 + state.clone_offset(split.anchor) - core;
     MatrixXd all = MatrixXd::Zero(2 * n, 3 + w + 1);
     for (int i = 0; i < n; ++i) {
-        const auto seen = sight_residual(*camera_, T_C_I_, poses[i], place.p_W, sights[i]);
+        const auto seen = sight_residual(*camera_, T_C_I, poses[i], place.p_W, sights[i]);
         if (!seen) return std::nullopt;
         const int at = 3 + state.clone_offset(slots[i]) - core;
         all.block<2, 3>(2 * i, 0) = seen->J_point * place.J_point;
@@ -223,6 +222,8 @@ std::optional<Window::Split> Window::split(const FilterState& state, FeatureId i
         all.block<2, 3>(2 * i, at + 3) += seen->J_position;
         all.block<2, 3>(2 * i, at_anchor) += seen->J_point * place.J_rotation;
         all.block<2, 3>(2 * i, at_anchor + 3) += seen->J_point;
+        if (state.mount_size() > 0)
+            all.block<2, 6>(2 * i, 3) = seen->J_camera + seen->J_point * place.J_camera;
         all.block<2, 1>(2 * i, 3 + w) = seen->residual;
     }
     const MatrixXd H_l = all.leftCols<3>();

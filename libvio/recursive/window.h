@@ -32,7 +32,7 @@ struct WindowOptions {
 /// Sights of features that are not landmarks, from the clones in the state.
 class Window {
  public:
-    Window(const WindowOptions& options, CameraPtr camera, const Pose& T_I_C);
+    Window(const WindowOptions& options, CameraPtr camera);
 
     /// Notes that a feature that is no landmark was seen at an image, of which there is a clone.
     void observe(FeatureId id, int image_idx, const Sight& sight);
@@ -75,7 +75,7 @@ class Window {
         AnchoredPoint point;
         Eigen::Matrix3d covariance;  // of the point, poses taken as exact
         Eigen::Matrix3d R_l;         // upper triangular: R_l dl = -H_l_x dx - n
-        Eigen::MatrixXd H_l_x;       // 3 rows; columns of the clones
+        Eigen::MatrixXd H_l_x;       // 3 rows; columns of mount and clones
         Eigen::MatrixXd H;           // free of the point; likewise
         Eigen::VectorXd residual;
     };
@@ -90,7 +90,6 @@ class Window {
 
     WindowOptions options_;
     CameraPtr camera_;
-    Pose T_I_C_, T_C_I_;
     std::map<FeatureId, Track> tracks_;
     std::vector<double> gates_;  // by degrees of freedom
 };

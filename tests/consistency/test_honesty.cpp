@@ -89,6 +89,23 @@ TEST(Honesty, MistracksDoNotKeepItFromStarting) {
     EXPECT_EQ(outcome.lost, 0);
 }
 
+// The stated calibration is off by several of the standard deviations that it is taken to have; the
+// readings and images tell.
+TEST(Honesty, WrongMountOfTheCameraIsFound) {
+    for (const auto& [file, assignments] :
+         {std::pair<std::string, std::vector<std::string>>{"time_offset.ini", {}},
+          {"extrinsics.ini",
+           {"calibration.imu_rotation_sigma=0", "calibration.imu_position_sigma=0",
+            "calibration.camera_position_sigma=0.005"}}}) {
+        const Outcome outcome = outcome_of(stress(file, assignments));
+        SCOPED_TRACE(file + "\n" + outcome.said);
+        EXPECT_EQ(outcome.states, outcome.images);
+        EXPECT_EQ(outcome.lost, 0);
+        EXPECT_LT(outcome.position2, kFourSigma);
+        EXPECT_LT(outcome.rotation2, kFourSigma);
+    }
+}
+
 // Neither path nor scale are to be had: attitude alone, for every image.
 TEST(Honesty, AttitudeAloneWhereNothingTellsThePath) {
     for (const std::string file : {"straight.ini", "pure_rotation.ini"}) {

@@ -1,6 +1,8 @@
 // The recursive estimator's covariance tells the truth about its errors (NEES over seeded runs).
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "libvio/recursive/iekf.h"
 #include "libvio/simulation/scenario.h"
 #include "tests/feed.h"
@@ -16,6 +18,19 @@ struct FilterNees {
     double innovations_rms_px = 0;
 };
 
+// With errors drawn from what the options say of the camera's mount.
+Rig misstated(Rig rig, const IekfOptions& options, unsigned seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    Vector6d d;
+    for (int i = 0; i < 6; ++i)
+        d(i) = normal(random) *
+               (i < 3 ? options.camera_rotation_sigma : options.camera_position_sigma);
+    rig.T_B_C = rig.T_B_I * rig.T_I_C().boxplus(d);
+    rig.time_offset += options.time_offset_sigma * normal(random);
+    return rig;
+}
+
 FilterNees measured(const IekfOptions& options, int seeds, double seconds) {
     FilterNees mean;
     int count = 0, innovations_dof = 0;
@@ -25,7 +40,7 @@ FilterNees measured(const IekfOptions& options, int seeds, double seconds) {
         simulated.seconds = seconds;
         const test::SimulatedRun run = test::simulate_run(simulated);
         constexpr std::size_t kFirst = 10;
-        Iekf filter(run.rig, options, {});
+        Iekf filter(misstated(run.rig, options, static_cast<unsigned>(seed)), options, {});
         filter.start(test::sampled_start(run, kFirst, 1000u + static_cast<unsigned>(seed)));
         std::size_t next = kFirst;
         for (const ImuReading& reading : run.readings) {

@@ -40,15 +40,17 @@ FilterState some_state(std::mt19937& random, CoreKind kind, bool invariant) {
     core.T_W_I = {so3::exp({0.3, -0.2, 0.9}), {1, 2, 0.5}};
     core.g_W = {0, 0, -9.81};
     FilterState state(kind, core, random_covariance(random, c), invariant);
+    const bool mounted = kind == CoreKind::inertial;
+    state.start_mount({}, mounted ? random_covariance(random, kMountSize) : MatrixXd());
     state.clone(0);
     std::vector<LandmarkState> landmarks(4);
     for (LandmarkState& landmark : landmarks) {
         landmark.anchor = 0;
         landmark.point.x = {0.1, -0.2, 0.4};
     }
-    state.start_landmarks(landmarks, random_covariance(random, c + 18));
+    state.start_landmarks(landmarks, random_covariance(random, state.window_size() + 12));
     for (int i = 0; i < 3; ++i) {
-        if (i > 0) state.clone(i);
+        if (i > 0) state.clone(i, 0.1 * random_matrix(random, 6, 1));
         const CoreMatrix F = CoreMatrix::Identity(c, c) + 0.1 * random_matrix(random, c, c);
         state.propagate(state.core(), F, random_covariance(random, c));
         state.settle();
@@ -72,9 +74,11 @@ FilterState state_of_landmarks(std::mt19937& random, bool invariant, int count) 
 PointRows random_rows(std::mt19937& random, int landmark_idx, double residual) {
     PointRows rows;
     rows.landmark_idx = landmark_idx;
+    rows.slot = 2;
     rows.residual = residual * random_matrix(random, 2, 1);
     rows.J_pose = random_matrix(random, 2, 6);
     rows.J_anchor = random_matrix(random, 2, 6);
+    rows.J_camera = random_matrix(random, 2, 6);
     rows.J_landmark = random_matrix(random, 2, 3);
     return rows;
 }
@@ -109,8 +113,9 @@ TEST(IekfLinear, LandmarkUpdateEqualsInformationSolution) {
     for (int i = 0; i < kLandmarks; ++i) {
         const PointRows row = random_rows(random, (7 * i) % kLandmarks, 1e-6);  // in no order
         const int anchor = state.landmarks()[row.landmark_idx].anchor;
-        H.block<2, 6>(2 * i, 0) = row.J_pose;
-        H.block<2, 6>(2 * i, state.clone_offset(anchor)) = row.J_anchor;
+        H.block<2, 6>(2 * i, state.clone_offset(row.slot)) = row.J_pose;
+        H.block<2, 6>(2 * i, state.clone_offset(anchor)) += row.J_anchor;
+        H.block<2, 6>(2 * i, state.mount_offset()) = row.J_camera;
         H.block<2, 3>(2 * i, state.landmark_offset(row.landmark_idx)) = row.J_landmark;
         r.segment<2>(2 * i) = row.residual;
         rows.push_back(row);
@@ -263,7 +268,12 @@ double largest_gain(const std::string& model, bool invariant) {
     Matrix15d P = 1e-4 * Matrix15d::Identity();
     CoreMatrix lift;
     FilterState state = motion->start(core, P, run.readings[4], invariant, &lift);
-    Window window({.angular_sigma = 1 / 458.0}, run.rig.camera, T_I_C);
+    const double mounted = 0.01 * 0.01;
+    state.start_mount({T_I_C, 0},
+                      model == "smooth"
+                          ? MatrixXd()
+                          : MatrixXd(mounted * Eigen::Matrix<double, 7, 7>::Identity()));
+    Window window({.angular_sigma = 1 / 458.0}, run.rig.camera);
 
     ImuReading now = run.readings[4];
     now.t = run.frames[0].t;
@@ -281,7 +291,8 @@ double largest_gain(const std::string& model, bool invariant) {
         motion->advance(state, now, at);
         now = at;
         state.settle();
-        state.clone(image);
+        state.clone(image, rate_of(state.core(), now).head<6>());
+        const int slot = state.find_clone(image);
 
         std::vector<LandmarkSight> known;
         for (const FeatureObservation& feature : frame.features) {
@@ -294,9 +305,9 @@ double largest_gain(const std::string& model, bool invariant) {
             else
                 window.observe(feature.feature_id, image, sight);
         }
-        known = gated_sights(state, known, *run.rig.camera, T_I_C, 13.8);
+        known = gated_sights(state, known, slot, *run.rig.camera, 13.8);
         const MatrixXd before = information(state, unobservable(state));
-        if (!known.empty()) update_landmarks(state, known, *run.rig.camera, T_I_C, 3);
+        if (!known.empty()) update_landmarks(state, known, slot, *run.rig.camera, 3);
         const int leaving = image > 10 ? image - 11 : -1;
         window.use(state, image, leaving);
         const MatrixXd gained = information(state, unobservable(state)) - before;
@@ -304,14 +315,14 @@ double largest_gain(const std::string& model, bool invariant) {
             largest, (gained.diagonal().array() / before.diagonal().array()).abs().maxCoeff());
         if (leaving >= 0 && state.find_clone(leaving) >= 0) {
             window.forget_image(leaving);
-            const int slot = state.find_clone(leaving), newest = state.find_clone(image);
+            const int oldest = state.find_clone(leaving);
             for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i)
-                if (state.landmarks()[i].anchor == slot)
+                if (state.landmarks()[i].anchor == oldest)
                     state.reanchor(
-                        i, newest,
-                        moved_anchor(state.landmarks()[i].point, state.clones()[slot].T_W_I,
-                                     state.clones()[newest].T_W_I, T_I_C));
-            state.release_clone(slot);
+                        i, slot,
+                        moved_anchor(state.landmarks()[i].point, state.clones()[oldest].T_W_I,
+                                     state.clones()[slot].T_W_I, state.mount().T_I_C));
+            state.release_clone(oldest);
         }
     }
     EXPECT_GT(state.landmarks().size(), 10u);

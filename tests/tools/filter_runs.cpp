@@ -75,7 +75,11 @@ std::vector<Setup> setups(int argc, char** argv) {
     for (int i = 2; i < argc && std::string(argv[i]).ends_with(".ini"); ++i) {
         std::swap(argv[2], argv[i]);
         all.push_back(setup(argc, argv));
-        all.back().stated = true;
+        Setup& s = all.back();
+        s.stated = true;
+        // What a calibration with such errors would say of itself.
+        s.iekf.imu_rotation_sigma = s.scenario.calibration.imu_rotation_deg * M_PI / 180;
+        s.iekf.imu_position_sigma = s.scenario.calibration.imu_position;
         std::swap(argv[2], argv[i]);
     }
     return all;

@@ -63,15 +63,56 @@ TEST(IekfObservation, JacobiansMatchDifferences) {
         const Vector3d p_W = T_W_I * (T_C_I.inverse() * p_C);
         const auto at = sight_residual(*rig.camera, T_C_I, T_W_I, p_W, sight);
         ASSERT_TRUE(at);
-        const auto prediction = [&](const Eigen::Matrix<double, 9, 1>& d) -> Eigen::Vector2d {
-            return -sight_residual(*rig.camera, T_C_I, T_W_I.boxplus(d.head<6>()),
-                                   p_W + d.tail<3>(), sight)
+        const auto prediction = [&](const Eigen::Matrix<double, 15, 1>& d) -> Eigen::Vector2d {
+            const Pose T_I_C = T_C_I.inverse().boxplus(d.tail<6>());
+            return -sight_residual(*rig.camera, T_I_C.inverse(), T_W_I.boxplus(d.head<6>()),
+                                   p_W + d.segment<3>(6), sight)
                         ->residual;
         };
-        Eigen::Matrix<double, 2, 9> J;
-        J << at->J_rotation, at->J_position, at->J_point;
-        const auto numeric = numeric_jacobian<2, 9>(prediction);
+        Eigen::Matrix<double, 2, 15> J;
+        J << at->J_rotation, at->J_position, at->J_point, at->J_camera;
+        const auto numeric = numeric_jacobian<2, 15>(prediction);
         EXPECT_LT((J - numeric).norm(), 1e-6 * numeric.norm());
+    }
+}
+
+// Where a point is, and what becomes of it at another anchor, with the errors of both anchors and
+// of the camera's place on the IMU.
+TEST(IekfAnchoredPoint, JacobiansMatchDifferences) {
+    std::mt19937 random(6);
+    const auto some_pose = [&] {
+        return Pose{so3::exp(random_vector<3>(random, 0.5)), random_vector<3>(random, 0.5)};
+    };
+    for (int i = 0; i < 20; ++i) {
+        const Pose from = some_pose(), to = some_pose(), T_I_C = some_pose();
+        AnchoredPoint point = anchored(from * (T_I_C * Vector3d(0.2, -0.3, 4)), from, T_I_C);
+        point.x += random_vector<3>(random, 0.05);
+        const auto place = [&](const Eigen::Matrix<double, 15, 1>& d) -> Vector3d {
+            AnchoredPoint moved = point;
+            moved.x += d.segment<3>(6);
+            return placed(moved, from.boxplus(d.head<6>()), T_I_C.boxplus(d.tail<6>())).p_W;
+        };
+        const PlacedPoint at = placed(point, from, T_I_C);
+        Eigen::Matrix<double, 3, 15> J;
+        J << at.J_rotation, Eigen::Matrix3d::Identity(), at.J_point, at.J_camera;
+        const auto numeric = numeric_jacobian<3, 15>(place);
+        EXPECT_LT((J - numeric).norm(), 1e-6 * numeric.norm());
+
+        const MovedPoint moved = moved_anchor(point, from, to, T_I_C);
+        const auto seen_from_other = [&](const Eigen::Matrix<double, 21, 1>& d) -> Vector3d {
+            AnchoredPoint other = point;
+            other.x += d.segment<3>(12);
+            const Pose mount = T_I_C.boxplus(d.tail<6>());
+            const Vector3d p_C = (to.boxplus(d.segment<6>(6)) * mount).inverse() *
+                                 placed(other, from.boxplus(d.head<6>()), mount).p_W;
+            const Vector3d direction = moved.point.Q.transpose() * p_C;
+            return {direction.x() / direction.z(), direction.y() / direction.z(),
+                    1 / direction.z()};
+        };
+        Eigen::Matrix<double, 3, 21> J_moved;
+        J_moved << moved.J_from, moved.J_to, moved.J_point, moved.J_camera;
+        const auto numeric_moved = numeric_jacobian<3, 21>(seen_from_other);
+        EXPECT_LT((J_moved - numeric_moved).norm(), 1e-6 * numeric_moved.norm());
     }
 }
 
