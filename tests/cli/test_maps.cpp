@@ -36,7 +36,7 @@ TEST_F(Maps, RunsByAConfigurationAloneAsMrptsSlamProgramsDo) {
         "rawlog_file = " + kDemo + "\nlogOutput_dir = " + folder_ / "LOG" +
         "\nground_truth_file = " + kTruth +
         "\nSAVE_3D_SCENES = 1  // with comments as in MRPT's own files\nSAVE_LOG_FREQUENCY = 25\n"
-        "[iekf]\nprefix_images = 50  ; images\n");
+        "[iekf]\nprefix_images = 50  ; images\nstart_wanted_tilt = 1\ntime_offset_sigma = 0\n");
     const ProgramResult result = run("run " + ini + " --to 2.8");
     ASSERT_EQ(result.exit_code, 0) << result.err;
     EXPECT_NE(read_text(folder_ / "LOG/options.ini").find("prefix_images = 50"), std::string::npos);
@@ -91,7 +91,10 @@ TEST_F(Maps, BadConfigurationsAreOneLine) {
 
 // The demo's images are of textured boards: the landmarks take their grey values.
 TEST_F(Maps, LandmarksHaveTheColoursOfTheImages) {
-    ASSERT_EQ(run("run " + kDemo + " --to 2.2 --output " + folder_ / "out").exit_code, 0);
+    ASSERT_EQ(
+        run("run " + kDemo + " --to 2.2 --set iekf.start_wanted_tilt=1 --output " + folder_ / "out")
+            .exit_code,
+        0);
     const auto landmarks = read_ply(folder_ / "out/landmarks.ply");
     ASSERT_GT(landmarks.size(), 50u);
     int least = 255, most = 0;
