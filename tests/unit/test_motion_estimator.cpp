@@ -47,6 +47,7 @@ TEST(MotionEstimator, IsMadeByNameAndFollowsObservations) {
     const auto estimator = made("vio::RecursiveEstimator");
     ASSERT_TRUE(estimator);
     EXPECT_FALSE(estimator->newest_pose());
+    estimator->set_option("iekf.start_wanted_tilt=1");
     int poses = 0;
     mrpt::Clock::time_point last{};
     for_each_observation(run, [&](const mrpt::obs::CObservation& observation) {
@@ -61,7 +62,9 @@ TEST(MotionEstimator, IsMadeByNameAndFollowsObservations) {
     // The rig of the observations has no noise densities: the built-in ones apply to both.
     Rig rig = run.rig;
     rig.imu_noise = ImuNoise{};
-    Iekf filter(rig, {}, {});
+    IekfOptions options;
+    options.start_wanted_tilt = 1;
+    Iekf filter(rig, options, {});
     size_t next = 0;
     for (const ImuReading& reading : run.readings) {
         while (next < run.frames.size() && run.frames[next].t <= reading.t)
