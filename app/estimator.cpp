@@ -116,6 +116,13 @@ class Recursive final : public Estimator {
 std::unique_ptr<Estimator> make_estimator(const RunRequest& request, const Rig& rig) {
     const PipelineOptions& options = request.options;
     if (request.estimator == "batch") return std::make_unique<Batch>(request, rig);
+    const BatchOptions& batch = options.batch;
+    if (batch.intrinsics_sigma > 0 || batch.extrinsics_rotation_sigma > 0 ||
+        batch.extrinsics_position_sigma > 0 || batch.time_offset_sigma > 0)
+        throw InputError(
+            "options: batch.intrinsics_sigma, extrinsics_*_sigma and time_offset_sigma act with "
+            "--estimator batch; the recursive estimator has iekf.camera_rotation_sigma, "
+            "camera_position_sigma and time_offset_sigma");
     return std::make_unique<Recursive>(rig, options.iekf, options.batch, request.use_imu);
 }
 

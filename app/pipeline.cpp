@@ -206,7 +206,8 @@ class Course {
         timed(report_.estimation_s, [&] { estimator_->finish(); });
         if (const RefinedRig* refined = estimator_->refined_rig()) {
             output_.set_rig(refined->rig);
-            report_.rig = refined->unknowns;
+            for (const RefinedRig::Unknown& unknown : refined->unknowns)
+                if (unknown.stated_sigma > 0) report_.rig.push_back(unknown);
         }
         write();
         if (output_.scene_due()) timed(report_.picture_s, [&] { output_.write_scene({}); });

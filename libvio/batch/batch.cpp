@@ -66,7 +66,7 @@ RefinedRig refined_rig(const RigRefinement& found, const NormalEquations& equati
         refined.unknowns.push_back(
             {names[k], units[k], change(k),
              refined.covariance.size() > 0 ? std::sqrt(refined.covariance(k, k)) : 0,
-             found.sigmas()(k)});
+             found.held(k) ? 0 : found.sigmas()(k)});
     return refined;
 }
 
@@ -95,8 +95,19 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
 BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& options,
                            const std::optional<Estimate>& start, bool want_tail) {
     const auto began = Clock::now();
+    if (given.imu.empty() &&
+        (options.extrinsics_rotation_sigma > 0 || options.extrinsics_position_sigma > 0 ||
+         options.time_offset_sigma > 0))
+        throw InputError(
+            "batch estimator: images alone tell neither the camera's place on the IMU nor their "
+            "time "
+            "offset; leave batch.extrinsics_rotation_sigma, extrinsics_position_sigma and "
+            "time_offset_sigma out");
     std::optional<BatchProblem> rest;
-    if (given.imu.empty()) rest = without_unseeing_images(given);
+    if (given.imu.empty())
+        rest = without_unseeing_images(given);
+    else if (options.time_offset_sigma > 0)
+        rest = without_images_at_ends(given, options.time_offset_sigma);
     const BatchProblem& problem = rest ? *rest : given;
 
     Course course{problem, options};

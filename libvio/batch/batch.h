@@ -100,7 +100,7 @@ struct RefinedRig {
         std::string name, unit;
         double change = 0;        ///< from what is stated
         double sigma = 0;         ///< of the estimate; 0: not computed
-        double stated_sigma = 0;  ///< of what is stated
+        double stated_sigma = 0;  ///< of what is stated; 0: exact, it did not move
     };
     std::vector<Unknown> unknowns;
     Eigen::MatrixXd covariance;  ///< of these; empty: not computed

@@ -29,10 +29,11 @@ void BatchOptions::describe(OptionSet& o) {
     o.add("outlier_sigmas", &outlier_sigmas, "standard deviations", {0, 1e6},
           "observations further off than this are dropped after convergence; 0: none");
     o.add("intrinsics_sigma", &intrinsics_sigma, "px", {0, 1e3},
-          "how well the camera's intrinsics are known, as the displacement of a pixel; they are "
-          "estimated with everything else. 0: exactly");
+          "how well focal lengths, centre and distortion of the camera (before a mirror: of the "
+          "camera alone) are known, as the displacement of a pixel; the batch estimator estimates "
+          "them with everything else. 0: exactly");
     o.add("extrinsics_rotation_sigma", &extrinsics_rotation_sigma, "deg", {0, 180},
-          "the same for the camera's rotation on the IMU");
+          "the same for the camera's rotation on the IMU; takes an IMU, as do the next two");
     o.add("extrinsics_position_sigma", &extrinsics_position_sigma, "m", {0, 100},
           "the same for its position on the IMU");
     o.add("time_offset_sigma", &time_offset_sigma, "s", {0, 10},

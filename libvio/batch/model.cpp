@@ -83,6 +83,21 @@ bool Model::surveyed() const {
     return std::any_of(points.begin(), points.end(), [](const Point& p) { return p.fiducial; });
 }
 
+BatchProblem without_images_at_ends(const BatchProblem& problem, double time_offset_sigma) {
+    constexpr double kSigmas = 3;
+    const auto& readings = problem.imu.readings();
+    const TimeNs margin = from_seconds(kSigmas * time_offset_sigma);
+    const TimeNs offset = from_seconds(problem.rig.time_offset);
+    BatchProblem rest = problem;
+    // What lies outside as it is stands for a mistake, which is told where the readings are cut.
+    std::erase_if(rest.frames, [&](const FeatureFrame& frame) {
+        const TimeNs t = frame.t + offset;
+        return !readings.empty() && t >= readings.front().t && t <= readings.back().t &&
+               (t < readings.front().t + margin || t > readings.back().t - margin);
+    });
+    return rest;
+}
+
 BatchProblem without_unseeing_images(const BatchProblem& problem) {
     constexpr int kFewestPoints = 4, kFewestImages = 3;
     BatchProblem rest = problem;
@@ -149,14 +164,18 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
 }
 
 void set_rig(Model& model, const BatchProblem& problem, const Rig& rig) {
-    model.camera = rig.camera;
     model.inertial = !problem.imu.empty();
+    set_camera(model, rig);
+    model.noise = rig.imu_noise;
+    if (model.inertial) index_inertial(model, problem, rig.time_offset);
+}
+
+void set_camera(Model& model, const Rig& rig) {
+    model.camera = rig.camera;
     // Image-only estimates the body itself: there is no IMU to stand for it.
     model.T_I_B = model.inertial ? rig.T_B_I.inverse() : Pose{};
     model.T_I_C = model.T_I_B * rig.T_B_C;
     model.T_C_I = model.T_I_C.inverse();
-    model.noise = rig.imu_noise;
-    if (model.inertial) index_inertial(model, problem, rig.time_offset);
 }
 
 std::vector<int> Layout::block_dims() const {

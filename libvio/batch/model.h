@@ -45,6 +45,10 @@ struct Model {
 /// other images see too.
 BatchProblem without_unseeing_images(const BatchProblem& problem);
 
+/// Without the images that may lie outside the readings if the time offset errs by three of its
+/// standard deviations [s].
+BatchProblem without_images_at_ends(const BatchProblem& problem, double time_offset_sigma);
+
 /// Indexes the first frame_count frames. Points seen fewer than min_observations times are left out
 /// (fiducials are always kept). Throws InputError as estimate_batch() does.
 Model make_model(const BatchProblem& problem, const BatchOptions& options, int frame_count,
@@ -52,6 +56,8 @@ Model make_model(const BatchProblem& problem, const BatchOptions& options, int f
 
 /// Gives the model another rig than it was made with; what was observed stays.
 void set_rig(Model& model, const BatchProblem& problem, const Rig& rig);
+/// The same where time offset and IMU are those that it was made with.
+void set_camera(Model& model, const Rig& rig);
 
 /// The unknowns.
 struct State {

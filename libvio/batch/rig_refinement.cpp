@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr double kDegree = M_PI / 180;
-constexpr double kKnown = 1e-9;  // [rad], [m]: sigma of what is not to move
+constexpr double kKnown = 1e-9;  // [rad], [m], ...: sigma of what is not to move
 
 // Standard deviations of a camera's first intrinsics: each alone displaces no pixel of the image by
 // more than sigma_px.
@@ -65,8 +65,17 @@ std::vector<std::string> RigRefinement::units() const {
     std::vector<std::string> units;
     if (unknowns_.extrinsics) units = {"rad", "rad", "rad", "m", "m", "m"};
     if (unknowns_.time_offset) units.emplace_back("s");
-    for (int k = 0; k < unknowns_.intrinsics; ++k) units.emplace_back(k < 4 ? "px" : "");
+    const std::string model = rig_.camera->model_name();
+    const std::string focal = model == "fisheye"            ? "px/rad"
+                              : model == "parabolic_mirror" ? "px/m"
+                                                            : "px";
+    for (int k = 0; k < unknowns_.intrinsics; ++k)
+        units.emplace_back(k < 2 ? focal : k < 4 ? "px" : "");
     return units;
+}
+
+bool RigRefinement::held(Index k) const {
+    return sigmas_(k) <= kKnown;
 }
 
 VectorXd RigRefinement::change() const {
@@ -96,8 +105,12 @@ void RigRefinement::linearize(const Objective& objective, const State& state,
 }
 
 void RigRefinement::set(const Rig& rig, Objective& objective) {
-    set_rig(model_, problem_, rig);
-    if (unknowns_.time_offset) objective.readings_changed();
+    if (unknowns_.time_offset) {
+        set_rig(model_, problem_, rig);
+        objective.readings_changed();
+    } else {
+        set_camera(model_, rig);
+    }
 }
 
 bool RigRefinement::move(const VectorXd& step, Objective& objective) {
@@ -142,14 +155,13 @@ VectorXd rig_sigmas(const Model& model, const BatchOptions& options) {
     const RigUnknowns unknowns = rig_unknowns(model, options);
     VectorXd sigmas(unknowns.count());
     if (unknowns.extrinsics) {
-        const auto or_known = [](double sigma) { return sigma > 0 ? sigma : kKnown; };
-        sigmas.head<3>().setConstant(or_known(kDegree * options.extrinsics_rotation_sigma));
-        sigmas.segment<3>(3).setConstant(or_known(options.extrinsics_position_sigma));
+        sigmas.head<3>().setConstant(kDegree * options.extrinsics_rotation_sigma);
+        sigmas.segment<3>(3).setConstant(options.extrinsics_position_sigma);
     }
     if (unknowns.time_offset) sigmas(unknowns.extrinsics ? 6 : 0) = options.time_offset_sigma;
     if (const int n = unknowns.intrinsics; n > 0)
         sigmas.tail(n) = intrinsic_sigmas(*model.camera, n, options.intrinsics_sigma);
-    return sigmas;
+    return sigmas.cwiseMax(kKnown);
 }
 
 }  // namespace vio::batch

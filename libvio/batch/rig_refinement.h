@@ -23,6 +23,8 @@ class RigRefinement {
     std::vector<std::string> names() const;
     std::vector<std::string> units() const;
     const Eigen::VectorXd& sigmas() const { return sigmas_; }
+    /// Whether one of them is known exactly: of the extrinsics, rotation or position may be.
+    bool held(Eigen::Index k) const;
     /// Where they are, less what was stated; of the rotation: in its tangent space.
     Eigen::VectorXd change() const;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string>
 #include <utility>
@@ -104,19 +105,20 @@ std::vector<int> points_at_infinity(const Model& model, const State& state) {
 }
 
 std::vector<int> points_at_cameras(const Model& model, const State& state) {
-    constexpr double kNear = 1e-3;  // times the distance in the middle
-    const double near =
-        kNear * median_range(model, state, std::vector<bool>(model.points.size(), true), 0);
+    constexpr double kNear = 1e-3;
     std::vector<int> result;
     for (size_t j = 0; j < model.points.size(); ++j) {
         if (model.points[j].fiducial) continue;
+        double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
         const Observation* first = &model.observations[model.points[j].first_observation];
-        if (std::any_of(first, first + model.points[j].observation_count,
-                        [&](const Observation& o) {
-                            const Eigen::Vector3d centre = camera_pose(model, state, o.frame_idx).p;
-                            return o.active && (state.points[j] - centre).norm() < near;
-                        }))
-            result.push_back(static_cast<int>(j));
+        for (const Observation* o = first; o != first + model.points[j].observation_count; ++o) {
+            if (!o->active) continue;
+            const Eigen::Vector3d centre = camera_pose(model, state, o->frame_idx).p;
+            const double range = (state.points[j] - centre).norm();
+            nearest = std::min(nearest, range);
+            farthest = std::max(farthest, range);
+        }
+        if (nearest < kNear * farthest) result.push_back(static_cast<int>(j));
     }
     return result;
 }

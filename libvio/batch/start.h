@@ -38,8 +38,8 @@ void place_other_points(const Model& model, std::vector<bool> placed, State& sta
 /// middle, and that at least three images see (by index; fiducials never).
 std::vector<int> points_at_infinity(const Model& model, const State& state);
 
-/// Points that stand in a camera that sees them, as good as: a thousandth of the distance in the
-/// middle away from it (by index; fiducials never).
+/// Points that stand in a camera that sees them, as good as: a thousand times nearer to it than to
+/// another that sees them (by index; fiducials never).
 std::vector<int> points_at_cameras(const Model& model, const State& state);
 
 }  // namespace vio::batch

@@ -40,6 +40,7 @@ std::vector<std::string> intrinsic_names(const Camera& camera, int count) {
 }
 
 int distortion_count(const Camera& camera) {
+    if (camera.model_name() == "parabolic_mirror") return 0;  // a telecentric lens
     const auto k = describe(camera).lens.distortion;
     const bool rational = k[5] != 0 || k[6] != 0 || k[7] != 0;
     return rational ? 8 : k[4] != 0 ? 5 : 4;

@@ -15,7 +15,8 @@ CameraPtr with_intrinsics(const Camera& camera, const Eigen::VectorXd& values);
 /// Names of the camera's intrinsics in this order.
 std::vector<std::string> intrinsic_names(const Camera& camera, int count);
 
-/// Distortion coefficients that the camera uses: 4, 5 or 8 of a perspective camera, else 4.
+/// Distortion coefficients that the camera uses: 4, 5 or 8 of a perspective camera, none of a
+/// telecentric one (before a parabolic mirror), else 4.
 int distortion_count(const Camera& camera);
 
 /// d uv / d intrinsics by central differences, from cameras that are made once.

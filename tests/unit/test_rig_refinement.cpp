@@ -1,6 +1,8 @@
 // Parts of the rig among the batch estimator's unknowns.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/start.h"
@@ -168,6 +170,40 @@ TEST_F(RigRefined, MarginalsAreThoseOfTheDenseInverse) {
                   1e-6 * std::sqrt(dense.block<3, 3>(k, k).norm() *
                                    dense.block<3, 3>(gyro, gyro).norm()));
     }
+}
+
+// However far the others are: hills on the horizon are no reason to leave out the trees before
+// them.
+TEST_F(RigRefined, OnlyPointsInACameraStandInOne) {
+    for (size_t j = 1; j < state_.points.size(); ++j)
+        if (!model_.points[j].fiducial) state_.points[j] *= j % 3 == 1 ? 1 : 1e7;
+    EXPECT_TRUE(points_at_cameras(model_, state_).empty());
+    const auto it = std::find_if(model_.points.begin(), model_.points.end(),
+                                 [](const Point& p) { return !p.fiducial; });
+    const auto j = static_cast<size_t>(it - model_.points.begin());
+    const Observation& seen = model_.observations[it->first_observation + 1];
+    const InertialState& I = state_.frames[seen.frame_idx].motion;
+    state_.points[j] = (Pose{I.R, I.p} * model_.T_I_C).p + Eigen::Vector3d(1e-9, 0, 0);
+    EXPECT_EQ(points_at_cameras(model_, state_), std::vector<int>{static_cast<int>(j)});
+}
+
+// The offset must not stop where the readings do.
+TEST_F(RigRefined, ImagesThatMayLieOutsideTheReadingsAreLeftOut) {
+    const TimeNs offset = from_seconds(problem_.rig.time_offset);
+    const TimeNs first = problem_.imu.readings().front().t, last = problem_.imu.readings().back().t;
+    const double sigma = 0.02;
+    const BatchProblem rest = without_images_at_ends(problem_, sigma);
+    ASSERT_LT(rest.frames.size(), problem_.frames.size());
+    ASSERT_GT(rest.frames.size(), problem_.frames.size() / 2);
+    for (const FeatureFrame& frame : rest.frames) {
+        EXPECT_GE(frame.t + offset - from_seconds(3 * sigma), first);
+        EXPECT_LE(frame.t + offset + from_seconds(3 * sigma), last);
+    }
+}
+
+TEST_F(RigRefined, WhatCannotBeRefinedIsRefused) {
+    problem_.imu = {};
+    EXPECT_THROW(estimate_batch(problem_, options_), InputError);
 }
 
 }  // namespace
