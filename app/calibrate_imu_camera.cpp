@@ -1,6 +1,7 @@
 // vio-slam calibrate imu-camera: the camera's place on the IMU and the offset of its clock.
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
@@ -20,7 +21,7 @@ constexpr double kDegree = 3.14159265358979323846 / 180;
 struct Arguments {
     BoardSource source;
     std::string board, output;
-    double board_sigma_mm = 0;
+    std::optional<double> board_sigma_mm;
     bool intrinsics = false;
     ImuCameraOptions options;
 };
@@ -70,9 +71,11 @@ void calibrate(Arguments arguments) {
             arguments.board +
             ": looks the same upside down, so that its images do not tell how the "
             "camera turned; use an AprilGrid, or an odd and an even number of corners");
-    const double sigma = 1e-3 * arguments.board_sigma_mm;
-    for (auto& [id, point] : board.points)
-        point.covariance = sigma * sigma * Eigen::Matrix3d::Identity();
+    if (arguments.board_sigma_mm) {
+        const double sigma = 1e-3 * *arguments.board_sigma_mm;
+        for (auto& [id, point] : board.points)
+            point.covariance = sigma * sigma * Eigen::Matrix3d::Identity();
+    }
     const BoardViews views = read_board_views(arguments.source, board);
     const std::string& file = arguments.source.path;
     if (views.imu.empty())
@@ -128,7 +131,7 @@ void add_calibrate_imu_camera(CLI::App& calibrate_command) {
     command
         ->add_option("--board-sigma-mm", arguments->board_sigma_mm,
                      "1 sigma of the board's points in each direction, which are then found too; "
-                     "default: exactly known")
+                     "default: what the board's file says, else exactly known")
         ->check(CLI::NonNegativeNumber);
     command
         ->add_option("--sigma-px", arguments->options.batch.sigma_px,

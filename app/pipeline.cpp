@@ -308,11 +308,12 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["iterations"] = report.iterations;
     if (!report.rig.empty()) json["rig"] = nlohmann::json::array();
     for (const RefinedRig::Unknown& unknown : report.rig)
-        json["rig"].push_back({{"name", unknown.name},
-                               {"unit", unknown.unit},
-                               {"change", unknown.change},
-                               {"sigma", unknown.sigma},
-                               {"stated_sigma", unknown.stated_sigma}});
+        json["rig"].push_back(
+            {{"name", unknown.name},
+             {"unit", unknown.unit},
+             {"change", unknown.change},
+             {"sigma", unknown.sigma > 0 ? nlohmann::json(unknown.sigma) : nlohmann::json()},
+             {"stated_sigma", unknown.stated_sigma}});
     json["imu_readings"] = report.imu_readings;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;

@@ -44,6 +44,14 @@ void apply_options(Arguments& arguments, OptionSet& options) {
     if (arguments.every_reading) arguments.request.options.iekf.output = "readings";
 }
 
+// Zero stands for one that was not computed.
+std::string sigma_text(double sigma) {
+    if (sigma == 0) return "unknown";
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2g", sigma);
+    return text;
+}
+
 void print(const RunReport& r, const RunRequest& request) {
     std::printf("images      %d over %.2f s, %d IMU readings\n", r.images, r.duration_s,
                 r.imu_readings);
@@ -58,9 +66,9 @@ void print(const RunReport& r, const RunRequest& request) {
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
     for (const RefinedRig::Unknown& unknown : r.rig)
-        std::printf("%-12s%-11s %+.4g +- %.2g %s from what is stated (+- %.2g)\n",
+        std::printf("%-12s%-11s %+.4g +- %s %s from what is stated (+- %.2g)\n",
                     &unknown == &r.rig.front() ? "rig" : "", unknown.name.c_str(), unknown.change,
-                    unknown.sigma, unknown.unit.c_str(), unknown.stated_sigma);
+                    sigma_text(unknown.sigma).c_str(), unknown.unit.c_str(), unknown.stated_sigma);
     for (const StatusEntry& event : r.events)
         std::printf("            %.3f s: %s\n", to_seconds(event.t), event.text.c_str());
     if (r.lost_poses > 0) std::printf("lost        track of %d of these poses\n", r.lost_poses);

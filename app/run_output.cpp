@@ -87,6 +87,7 @@ void RunOutput::add(Estimate piece) {
 void RunOutput::set_rig(const Rig& rig) {
     rig_ = rig;
     writer_.set_rig(rig);
+    scenes_->set_rig(rig);
 }
 
 void RunOutput::write_scene(const std::vector<LandmarkEstimate>& landmarks) {

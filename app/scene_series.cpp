@@ -9,9 +9,8 @@
 namespace vio::app {
 
 SceneSeries::SceneSeries(const std::string& results_folder, const Rig& rig, int every)
-    : folder_(results_folder + "/scenes"),
-      options_(drawing_of({}, rig, {}).options),
-      every_(every) {
+    : folder_(results_folder + "/scenes"), every_(every) {
+    set_rig(rig);
     if (every == 0) return;
     std::error_code error;
     std::filesystem::remove_all(folder_, error);
@@ -20,6 +19,10 @@ SceneSeries::SceneSeries(const std::string& results_folder, const Rig& rig, int 
 }
 
 SceneSeries::~SceneSeries() = default;
+
+void SceneSeries::set_rig(const Rig& rig) {
+    options_ = drawing_of({}, rig, {}).options;
+}
 
 void SceneSeries::write(long image, const Estimate& estimate) {
     if (!renderer_) renderer_ = std::make_unique<SnapshotRenderer>(1280, 720);

@@ -21,6 +21,8 @@ class SceneSeries {
     /// Whether the image with this number (from 1) is to have a scene.
     bool due(long image) const { return every_ > 0 && image % every_ == 0; }
     void write(long image, const Estimate& estimate);
+    /// The rig whose camera the scenes from here on show.
+    void set_rig(const Rig& rig);
 
  private:
     std::string folder_;

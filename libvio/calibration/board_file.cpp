@@ -40,10 +40,11 @@ std::map<FeatureId, Fiducial> read_fiducials(const std::string& file) {
         fiducial.p_W = {rows.number(1), rows.number(2), rows.number(3)};
         if (rows.size() < 5) continue;
         const double sigma = rows.number(4);
-        if (!(sigma >= 0)) throw rows.error("sigma is negative");
+        if (sigma < 0) throw rows.error("sigma is negative; expected feature_id,x,y,z[,sigma] [m]");
         fiducial.covariance = Eigen::Matrix3d::Identity() * sigma * sigma;
     }
-    if (fiducials.empty()) throw InputError(file + ": no rows; expected feature_id,x,y,z");
+    if (fiducials.empty())
+        throw InputError(file + ": no rows; expected feature_id,x,y,z[,sigma] [m]");
     return fiducials;
 }
 

@@ -9,7 +9,8 @@ namespace vio {
 
 /// By content: Kalibr's target.yaml (target_type aprilgrid: tagCols, tagRows, tagSize, tagSpacing;
 /// checkerboard: targetCols, targetRows, rowSpacingMeters, colSpacingMeters), or rows
-/// id,x,y,z [m] of surveyed points. Throws InputError (file, key or line) where it is neither.
+/// id,x,y,z[,sigma] [m] of surveyed points, as read_fiducials() takes them. Throws InputError
+/// (file, key or line) where it is neither.
 Board read_board(const std::string& file);
 
 /// Points alone: rows id,x,y,z[,sigma in each direction] [m]; without sigma, or with zero, exactly

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "libvio/base/errors.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/camera/description.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/rawlog_writer.h"
@@ -185,6 +186,30 @@ TEST(Calibration, ReadsMrptsOwnFiles) {
     EXPECT_EQ(d.model, "perspective");
     EXPECT_EQ(d.lens.distortion[4], 0.5);
     EXPECT_EQ(d.lens.width, 640);
+}
+
+TEST(Calibration, SurveyedPointsAreAsSureAsTheirRowsSay) {
+    ScratchFolder folder;
+    const std::string file = folder / "survey.csv";
+    write_text(file, "#id,x,y,z,sigma\n3,1,2,3\n4,4,5,6,0.002\n5,7,8,9,0\n");
+    const auto points = read_fiducials(file);
+    ASSERT_EQ(points.size(), 3u);
+    EXPECT_EQ(points.at(4).p_W, Eigen::Vector3d(4, 5, 6));
+    EXPECT_TRUE(points.at(3).covariance.isZero(0));
+    EXPECT_TRUE(points.at(4).covariance.isApprox(4e-6 * Eigen::Matrix3d::Identity()));
+    EXPECT_TRUE(points.at(5).covariance.isZero(0));
+    EXPECT_EQ(read_board(file).points.at(4).covariance, points.at(4).covariance);
+
+    const auto says = [&](const std::string& rows, const std::string& words) {
+        write_text(file, rows);
+        const std::string error = test::error_of([&] { read_fiducials(file); });
+        EXPECT_NE(error.find(words), std::string::npos) << error;
+        EXPECT_NE(error.find(file), std::string::npos) << error;
+    };
+    says("3,1,2,3,-0.1\n", "(line 1): sigma is negative");
+    says("3,1,2,3\n4,1,2,3,nan\n", "(line 2): 'nan' is not a finite number");
+    says("3,1,2,3,inf\n", "'inf' is not a finite number");
+    says("# nothing\n", "feature_id,x,y,z[,sigma]");
 }
 
 TEST(Calibration, ReadsKalibrsFiles) {
