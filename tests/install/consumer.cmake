@@ -23,7 +23,8 @@ run(${WORK}/build/follow_motion vio::RecursiveEstimator ${SOURCE}/datasets/demo.
 file(WRITE ${WORK}/followed.tum "${out}")
 string(REGEX MATCHALL "\n" poses "${out}")
 list(LENGTH poses poses)
-if(poses LESS 90)
+# The start may wait for two prefixes, 120 of the 152 images, until gravity is known.
+if(poses LESS 30)
   message(FATAL_ERROR "only ${poses} poses came one by one")
 endif()
 run(${program} evaluate ${WORK}/run --against ${WORK}/followed.tum --align none --max-gap 0.05
