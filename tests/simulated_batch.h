@@ -58,4 +58,24 @@ inline Eigen::Matrix<double, 15, 1> state_error(const StateEstimate& estimate,
     return e;
 }
 
+/// Mean NEES of landmarks that many images see, over estimates of runs.
+class LandmarkNees {
+ public:
+    /// truth: truth_from() the estimate's first pose.
+    void add(const Estimate& estimate, const Estimate& truth) {
+        for (const LandmarkEstimate& landmark : estimate.landmarks)
+            if (landmark.observations > 20) {
+                const Eigen::Vector3d d =
+                    landmark.p_W - truth.landmarks[static_cast<size_t>(landmark.id)].p_W;
+                sum_ += d.dot(landmark.covariance.inverse() * d);
+                ++count_;
+            }
+    }
+    double mean() const { return sum_ / count_; }
+
+ private:
+    double sum_ = 0;
+    int count_ = 0;
+};
+
 }  // namespace vio::test

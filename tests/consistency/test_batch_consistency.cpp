@@ -13,8 +13,8 @@ namespace {
 // the 99.9 % bounds of the chi-square distribution.
 TEST(BatchConsistency, ErrorsAgreeWithTheCovariance) {
     constexpr int kSeeds = 30;
-    double pose = 0, motion = 0, bias = 0, landmarks = 0;
-    int landmark_count = 0;
+    double pose = 0, motion = 0, bias = 0;
+    test::LandmarkNees landmarks;
     for (unsigned seed = 1; seed <= kSeeds; ++seed) {
         test::SimulatedRunOptions simulation;
         simulation.seed = seed;
@@ -38,20 +38,14 @@ TEST(BatchConsistency, ErrorsAgreeWithTheCovariance) {
         pose += nees(0, 6) / kSeeds;
         motion += nees(0, 9) / kSeeds;
         bias += nees(9, 6) / kSeeds;
-        for (const LandmarkEstimate& landmark : result.estimate.landmarks)
-            if (landmark.observations > 20) {
-                const Eigen::Vector3d d =
-                    landmark.p_W - truth.landmarks[static_cast<size_t>(landmark.id)].p_W;
-                landmarks += d.dot(landmark.covariance.inverse() * d);
-                ++landmark_count;
-            }
+        landmarks.add(result.estimate, truth);
     }
     const auto bound = [](double dof) { return 3.3 * std::sqrt(2 * dof / kSeeds); };
     EXPECT_NEAR(pose, 6, bound(6));
     EXPECT_NEAR(motion, 9, bound(9));
     EXPECT_NEAR(bias, 6, bound(6));
     // Landmarks of one run are correlated: judged as if each run gave one.
-    EXPECT_NEAR(landmarks / landmark_count, 3, bound(3));
+    EXPECT_NEAR(landmarks.mean(), 3, bound(3));
 }
 
 // Mean NEES of the last state over seeds of a scenario, with a model that is what made the data.

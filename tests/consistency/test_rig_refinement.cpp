@@ -69,8 +69,8 @@ Judged judged(const BatchResult& result, const test::SimulatedRun& run) {
 // 99.9 % bounds.
 TEST(RigRefinement, ErrorsAgreeWithTheCovariance) {
     constexpr int kSeeds = 20;
-    double rig = 0, landmarks = 0;
-    int landmark_count = 0;
+    double rig = 0;
+    test::LandmarkNees landmarks;
     Judged refined, wrong;
     const auto add = [](Judged& sum, const Judged& one) {
         sum.nees_pose += one.nees_pose / kSeeds;
@@ -103,19 +103,13 @@ TEST(RigRefinement, ErrorsAgreeWithTheCovariance) {
         rig += error.dot(result.rig->covariance.ldlt().solve(error)) / kSeeds;
         add(refined, judged(result, run));
         const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
-        for (const LandmarkEstimate& landmark : result.estimate.landmarks)
-            if (landmark.observations > 20) {
-                const Eigen::Vector3d d =
-                    landmark.p_W - truth.landmarks[static_cast<size_t>(landmark.id)].p_W;
-                landmarks += d.dot(landmark.covariance.inverse() * d);
-                ++landmark_count;
-            }
+        landmarks.add(result.estimate, truth);
     }
     const auto bound = [](double dof) { return 3.3 * std::sqrt(2 * dof / kSeeds); };
     EXPECT_NEAR(rig, 7 + kIntrinsics, bound(7 + kIntrinsics));
     EXPECT_NEAR(refined.nees_pose, 6, bound(6));
     EXPECT_NEAR(refined.nees_motion, 9, bound(9));
-    EXPECT_NEAR(landmarks / landmark_count, 3, bound(3));
+    EXPECT_NEAR(landmarks.mean(), 3, bound(3));
     // Three seconds do not tell all of the rig.
     EXPECT_LT(std::sqrt(refined.position), std::sqrt(wrong.position) / 3);
 }
