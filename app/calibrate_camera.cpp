@@ -5,6 +5,7 @@
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/calibration/camera_calibration.h"
@@ -14,8 +15,6 @@
 
 namespace vio::app {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Arguments {
     BoardSource source;

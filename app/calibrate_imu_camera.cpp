@@ -6,6 +6,7 @@
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
 #include "app/calibration_option.h"
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/calibration/imu_camera.h"
@@ -15,8 +16,6 @@
 
 namespace vio::app {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Arguments {
     BoardSource source;

@@ -6,6 +6,7 @@
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/calibration/mirror_calibration.h"
@@ -15,8 +16,6 @@
 
 namespace vio::app {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Arguments {
     std::string source, board, calibration, output, camera_label;

@@ -7,6 +7,7 @@
 #include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/progress.h"
+#include "libvio/base/angles.h"
 #include "libvio/io/asl_import.h"
 #include "libvio/io/csv_import.h"
 #include "libvio/io/kitti_import.h"
@@ -104,7 +105,7 @@ struct CsvArguments {
 
 ImportReport import_tables(const CsvArguments& arguments,
                            const std::function<void(double)>& progress) {
-    constexpr double kDegree = 3.14159265358979323846 / 180, kStandardGravity = 9.80665;
+    constexpr double kStandardGravity = 9.80665;
     CsvImportOptions options = arguments.options;
     options.gyro.time_unit = options.accel.time_unit = options.images.time_unit =
         arguments.time_unit;

@@ -27,11 +27,7 @@ int finished() {
                : report_error("standard output cannot be written; is the disk full?", 1);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    // A file that reaches the limit of its size is to raise an error like a full disk.
-    std::signal(SIGXFSZ, SIG_IGN);
+int run_command_line(int argc, char** argv) {
     CLI::App program{
         "Motion, structure and gravity from a camera and an IMU, read from MRPT rawlogs."};
     program.name("vio-slam");
@@ -79,10 +75,20 @@ int main(int argc, char** argv) {
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return program.exit(error);  // --help, --version
         return report_error(vio::app::usage_error(program, error), 2);
+    }
+    return finished();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    // A file that reaches the limit of its size is to raise an error like a full disk.
+    std::signal(SIGXFSZ, SIG_IGN);
+    try {
+        return run_command_line(argc, argv);
     } catch (const vio::InputError& error) {
         return report_error(error.what(), 1);
     } catch (const std::exception& error) {
         return report_error(std::string("unexpected: ") + error.what(), 1);
     }
-    return finished();
 }

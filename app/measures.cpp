@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "libvio/base/angles.h"
+
 namespace vio::app {
 
 Measures measure(const std::vector<Outcome>& outcomes, size_t idx) {
@@ -18,8 +20,8 @@ Measures measure(const std::vector<Outcome>& outcomes, size_t idx) {
         }
         const nlohmann::json& e = outcome.evaluations[idx];
         if (e["rotation_deg"].is_object()) {
-            m.rotation_mean += e["rotation_deg"]["mean"].get<double>() * M_PI / 180;
-            m.rotation_max += e["rotation_deg"]["max"].get<double>() * M_PI / 180;
+            m.rotation_mean += e["rotation_deg"]["mean"].get<double>() * kDegree;
+            m.rotation_max += e["rotation_deg"]["max"].get<double>() * kDegree;
         }
         m.position_mean += e["position_m"]["mean"].get<double>();
         m.position_rmse += e["position_m"]["rmse"].get<double>();

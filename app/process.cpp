@@ -10,8 +10,6 @@
 
 #include "libvio/base/errors.h"
 
-extern char** environ;
-
 namespace vio::app {
 namespace {
 

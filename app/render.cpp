@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <numbers>
 
 #include "app/calibration_option.h"
 #include "app/commands.h"
@@ -13,6 +12,7 @@
 #include "gui_offscreen/film.h"
 #include "gui_offscreen/scene.h"
 #include "gui_offscreen/snapshot.h"
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
@@ -40,7 +40,7 @@ SnapshotOptions picture_options(const Arguments& arguments) {
         throw InputError("--size " + arguments.size +
                          ": expected WxH in pixels, 64 to 8192, the width a multiple of 4");
     options.view = *parse_view(arguments.view);
-    options.turn = arguments.turn_deg * std::numbers::pi / 180;
+    options.turn = arguments.turn_deg * kDegree;
     return options;
 }
 

@@ -12,6 +12,7 @@
 #include "app/report.h"
 #include "app/report_innovations.h"
 #include "app/report_plots.h"
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/results.h"
 #include "libvio/io/text.h"
@@ -19,8 +20,6 @@
 
 namespace vio::app {
 namespace {
-
-constexpr double kDegrees = 180 / M_PI;
 
 std::string known(const nlohmann::json& json, const char* key, int digits) {
     return json.contains(key) && json[key].is_number() ? fixed(json[key].get<double>(), digits)
@@ -98,7 +97,7 @@ void add_comparisons(const Material& m, Page& page) {
         table.rows.push_back({e.truth_name, to_string(e.alignment.kind),
                               std::to_string(e.associated_poses), fixed(e.truth_path_length, 2),
                               fixed(e.position.rmse, 4), fixed(e.position.max, 4),
-                              e.has_rotation ? fixed(kDegrees * e.rotation.rmse, 3) : "-",
+                              e.has_rotation ? fixed(e.rotation.rmse / kDegree, 3) : "-",
                               e.scale_error ? fixed(100 * *e.scale_error, 2) : "-",
                               e.drift ? fixed(100 * e.drift->translation, 3) : "-",
                               e.nees ? fixed(e.nees->pose.mean, 2) : "-"});
@@ -125,7 +124,7 @@ Table parameters(const Estimate& estimate) {
     const StateEstimate& last = estimate.states.back();
     const Eigen::Matrix<double, 15, 1> variance = last.covariance.diagonal();
     add("gravity in W [m/s^2]", estimate.g_W, estimate.gravity_covariance.diagonal(), 1);
-    add("gyro bias [deg/s]", last.gyro_bias, variance.segment<3>(kGyroBias), kDegrees);
+    add("gyro bias [deg/s]", last.gyro_bias, variance.segment<3>(kGyroBias), 1 / kDegree);
     add("accelerometer bias [m/s^2]", last.accel_bias, variance.segment<3>(kAccelBias), 1);
     return table;
 }

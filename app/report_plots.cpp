@@ -6,11 +6,11 @@
 #include <functional>
 
 #include "app/report_innovations.h"
+#include "libvio/base/angles.h"
 
 namespace vio::app {
 namespace {
 
-constexpr double kDegrees = 180 / M_PI;
 constexpr double kSigmas = 3;
 constexpr const char* kAxes[] = {"x", "y", "z"};
 
@@ -79,7 +79,7 @@ std::vector<Plot> error_plots(const Material& m) {
     for (const bool rotation : {false, true})
         for (int axis = 0; axis < 3; ++axis) {
             Plot plot;
-            const double unit = rotation ? kDegrees : 1;
+            const double unit = rotation ? 1 / kDegree : 1;
             plot.y_label = std::string(rotation ? "rotation " : "position ") + kAxes[axis] +
                            (rotation ? " [deg]" : " [m]");
             plot.x_label = "time [s]";
@@ -121,7 +121,7 @@ std::vector<Plot> error_size_plots(const Material& m) {
             series.colour = colours[i % 4];
             for (const PoseError& error : e.errors) {
                 series.x.push_back(m.seconds(error.t - from_seconds(e.time_offset_s)));
-                series.y.push_back(rotation ? kDegrees * error.rotation : error.position.norm());
+                series.y.push_back(rotation ? error.rotation / kDegree : error.position.norm());
             }
             plot.series.push_back(series);
         }
@@ -166,7 +166,7 @@ std::vector<Plot> state_plots(const Material& m) {
                 m, "velocity [m/s]", [](const StateEstimate& s) { return s.v_W; }, kVelocity, 1),
             state_plot(
                 m, "gyro bias [deg/s]", [](const StateEstimate& s) { return s.gyro_bias; },
-                kGyroBias, kDegrees),
+                kGyroBias, 1 / kDegree),
             state_plot(
                 m, "accelerometer bias [m/s^2]",
                 [](const StateEstimate& s) { return s.accel_bias; }, kAccelBias, 1)};

@@ -30,10 +30,10 @@ void apply_mapping_application(const std::string& config, RunRequest& request) {
         if (place.empty()) place = value;
     };
     fill(request.rawlog, keys->rawlog_file);
-    fill(request.output, keys->logOutput_dir);
+    fill(request.output, keys->output_dir);
     fill(request.truth_file, keys->ground_truth_file);
-    if (request.scene_every == 0 && keys->SAVE_3D_SCENES)
-        request.scene_every = keys->SAVE_LOG_FREQUENCY;
+    if (request.scene_every == 0 && keys->save_3d_scenes)
+        request.scene_every = keys->save_log_frequency;
 }
 
 // Built-in defaults, then the file, then the command line.

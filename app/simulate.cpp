@@ -2,10 +2,10 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
-#include <numbers>
 
 #include "app/commands.h"
 #include "app/progress.h"
+#include "libvio/base/angles.h"
 #include "libvio/simulation/export.h"
 
 namespace vio::app {
@@ -27,12 +27,11 @@ ScenarioOptions scenario_options(const Arguments& arguments) {
 
 // How the recorded readings fit the path along which images were made.
 void report_recorded_imu(const Simulation& simulation) {
-    constexpr double kDegrees = 180 / std::numbers::pi;
     const SmoothedPath& path = *simulation.smoothed_path();
     std::printf(
         "path        moved by %.3f deg, %.1f mm (rms) to where the readings agree with it; its "
         "frame was tilted by %.2f deg\n",
-        path.rotation_rms * kDegrees, 1e3 * path.position_rms, path.tilt * kDegrees);
+        path.rotation_rms / kDegree, 1e3 * path.position_rms, path.tilt / kDegree);
     std::printf(
         "readings    residuals of integration between true states, rms, each window with its "
         "first\n"
@@ -43,7 +42,7 @@ void report_recorded_imu(const Simulation& simulation) {
          imu_consistency(simulation.truth(), ImuSequence(simulation.imu()), simulation.rig(),
                          simulation.g_W(), {1, 2, 5, 10, 20, 100}))
         std::printf("            %8.2f %8d %9.4f %9.3f %9.2f %8.2f\n", c.window, c.windows,
-                    c.rotation_rms * kDegrees, 1e3 * c.position_rms, 1e3 * c.velocity_rms, c.nees);
+                    c.rotation_rms / kDegree, 1e3 * c.position_rms, 1e3 * c.velocity_rms, c.nees);
     std::fflush(stdout);
 }
 

@@ -58,6 +58,13 @@ inline Eigen::Matrix<double, 15, 1> state_error(const StateEstimate& estimate,
     return e;
 }
 
+/// NEES of `size` values of a state from `first` on (StateIndex).
+inline double state_nees(const StateEstimate& estimate, const StateEstimate& truth, int first,
+                         int size) {
+    const Eigen::VectorXd e = state_error(estimate, truth).segment(first, size);
+    return e.dot(estimate.covariance.block(first, first, size, size).inverse() * e);
+}
+
 /// Mean NEES of landmarks that many images see, over estimates of runs.
 class LandmarkNees {
  public:

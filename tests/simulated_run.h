@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/estimate.h"
 #include "libvio/batch/batch.h"
 #include "libvio/camera/perspective.h"
@@ -195,7 +196,7 @@ inline SimulatedRunOptions turning_run(int span_deg, unsigned seed) {
     options.image_hz = 30;
     options.features = 40;
     options.longest_track = 60;
-    const double rate = span_deg * M_PI / 180 / options.seconds;
+    const double rate = span_deg * kDegree / options.seconds;
     options.rotation = [=](double t) -> Eigen::Matrix3d { return so3::exp(rate * t * axis); };
     return options;
 }

@@ -6,13 +6,14 @@
 #include <limits>
 #include <utility>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/median.h"
 
 namespace vio::batch {
 namespace {
 
-constexpr double kScaleSigma = 0.5, kGravitySigma = 10 * M_PI / 180, kRangeSigma = 0.5;
-constexpr double kMotionAngle = 10 * M_PI / 180, kMotionShare = 0.5;
+constexpr double kScaleSigma = 0.5, kGravitySigma = 10 * kDegree, kRangeSigma = 0.5;
+constexpr double kMotionAngle = 10 * kDegree, kMotionShare = 0.5;
 
 std::string with_figure(const char* format, double a, double b = 0) {
     char text[200];
@@ -109,7 +110,7 @@ std::string loose_motion(const Model& model, const State& state, const NormalEqu
             return with_figure(
                 "the motion up to an image, known to %.0f degrees and %.0f %% of "
                 "the path's extent (too few points join its parts)",
-                rotation * 180 / M_PI, 100 * position);
+                rotation / kDegree, 100 * position);
     }
     return {};
 }
@@ -144,7 +145,7 @@ Observability judge(const Model& model, const Objective& objective, const State&
     const double tilt = std::sqrt(C.trace()) / state.gravity.norm();
     if (!(tilt < kGravitySigma))
         result.undetermined.push_back(
-            with_figure("the direction of gravity, known to %.0f degrees", tilt * 180 / M_PI));
+            with_figure("the direction of gravity, known to %.0f degrees", tilt / kDegree));
     return result;
 }
 

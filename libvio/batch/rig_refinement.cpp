@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/camera/intrinsics.h"
 #include "libvio/geometry/so3.h"
@@ -15,7 +16,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kKnown = 1e-9;  // [rad], [m], ...: sigma of what is not to move
 
 // Standard deviations of a camera's first intrinsics: each alone displaces no pixel of the image by

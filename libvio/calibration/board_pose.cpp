@@ -4,6 +4,8 @@
 #include <opencv2/calib3d.hpp>
 #include <vector>
 
+#include "libvio/base/angles.h"
+
 namespace vio {
 namespace {
 
@@ -56,7 +58,7 @@ Pose middle_of(const std::vector<Ray>& rays) {
 
 std::optional<BoardPose> board_pose(const Camera& camera, const FeatureFrame& frame,
                                     const std::map<FeatureId, Fiducial>& board) {
-    const double smallest_z = std::cos(80 * std::numbers::pi / 180);
+    const double smallest_z = std::cos(80 * kDegree);
     std::vector<Sighting> seen;
     std::vector<Ray> rays;
     for (const FeatureObservation& feature : frame.features) {

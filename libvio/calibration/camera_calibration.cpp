@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/base/median.h"
 #include "libvio/calibration/board_pose.h"
@@ -86,7 +86,7 @@ Coverage coverage_of(const RigCalibration& rig, const CameraCalibrationOptions& 
     for (const TimedPose& pose : rig.T_W_C)
         c.widest_tilt =
             std::max(c.widest_tilt, std::acos(std::min(1.0, std::abs(pose.T_W_B.R(2, 2)))));
-    constexpr double kShare = 0.7, kOutermost = 0.8, kTilt = 20 * std::numbers::pi / 180;
+    constexpr double kShare = 0.7, kOutermost = 0.8, kTilt = 20 * kDegree;
     constexpr int kImages = 10;
     const auto percent = [](double share) {
         return std::to_string(std::lround(100 * share)) + " %";
@@ -99,7 +99,7 @@ Coverage coverage_of(const RigCalibration& rig, const CameraCalibrationOptions& 
                              " of the way to the image's corners: distortion there is guessed");
     if (c.widest_tilt < kTilt)
         c.warnings.push_back("the board is never tilted by more than " +
-                             std::to_string(std::lround(c.widest_tilt * 180 / std::numbers::pi)) +
+                             std::to_string(std::lround(c.widest_tilt / kDegree)) +
                              " degrees: focal length and distance are hardly told apart");
     if (rig.images < kImages)
         c.warnings.push_back(std::to_string(rig.images) + " images only: take " +

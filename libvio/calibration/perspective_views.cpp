@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
+
+#include "libvio/base/angles.h"
 
 namespace vio {
 namespace {
@@ -11,7 +12,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kHalfWidth = 40 * kDegree;  // of a view
 constexpr double kSpacing = 25 * kDegree;    // between the middles of neighbouring views
 constexpr double kFar = 1e4;                 // [m]

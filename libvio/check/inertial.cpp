@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <string>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/median.h"
 #include "libvio/check/axes.h"
 #include "libvio/geometry/so3.h"
@@ -22,7 +22,6 @@ constexpr double kRestSpread = 0.02;  // of the specific force, relative
 constexpr int kTurnSpans = 30;        // of a stretch in which gravity is followed
 constexpr double kTiltWanted = 0.09;  // [rad] rms
 constexpr double kMostLeft = 0.5;  // of the tilt's square, by the gyro, where gravity is to be seen
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kGravity = 9.80665;                      // [m/s^2]
 constexpr double kGravityNear = 0.25, kGravityFar = 0.8;  // [m/s^2] from it
 constexpr double kMostBias = 0.2, kFarTooMuchBias = 0.5;  // [rad/s]

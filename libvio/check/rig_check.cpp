@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/camera/perspective.h"
 
 namespace vio {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kNarrowest = 15 * kDegree, kWidest = 150 * kDegree;
 constexpr double kFarthest = 3;      // [m] between camera and IMU
 constexpr double kCentreOff = 0.25;  // of the image's size

@@ -1,7 +1,7 @@
 // What the agreement of gyro and images, and of images with each other, means to the user.
 #include <cmath>
-#include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/perspective.h"
 #include "libvio/check/angular_scale.h"
@@ -11,7 +11,6 @@
 namespace vio {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kWellExplained = 0.9, kExplained = 0.5;
 constexpr double kFewestRate = 0.02;                    // [rad/s]
 constexpr double kGoodGain = 0.03, kPoorGain = 0.15;    // of the gyro, from 1

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "libvio/base/angles.h"
 #include "libvio/evaluation/metrics.h"
 #include "libvio/geometry/alignment.h"
 
@@ -56,8 +57,8 @@ std::optional<std::string> other_unit(const Eigen::Matrix3Xd& p_E, const Eigen::
 
 std::optional<std::string> other_attitude(const std::vector<PosePair>& aligned,
                                           const Eigen::Matrix3d& R_B_T) {
-    constexpr double kTurned = 10 * M_PI / 180, kWrong = 30 * M_PI / 180;
-    constexpr double kConstant = 5 * M_PI / 180, kSamePlace = 0.1;
+    constexpr double kTurned = 10 * kDegree, kWrong = 30 * kDegree;
+    constexpr double kConstant = 5 * kDegree, kSamePlace = 0.1;
     std::vector<Eigen::Matrix3d> turns;  // from the estimate's frame to the truth's
     Eigen::Matrix3Xd p_G(3, static_cast<Eigen::Index>(aligned.size()));
     double angle = 0, distance2 = 0;
@@ -79,7 +80,7 @@ std::optional<std::string> other_attitude(const std::vector<PosePair>& aligned,
         std::snprintf(text, sizeof(text),
                       "the truth's frame is turned against the body's by %.2f deg (beside it they "
                       "differ by %.2f deg on average): tell with --tracked X Y Z %.4f %.4f %.4f",
-                      angle * 180 / M_PI, rest * 180 / M_PI, std::atan2(R(1, 0), R(0, 0)),
+                      angle / kDegree, rest / kDegree, std::atan2(R(1, 0), R(0, 0)),
                       -std::asin(std::clamp(R(2, 0), -1.0, 1.0)), std::atan2(R(2, 1), R(2, 2)));
         return text;
     }
@@ -88,7 +89,7 @@ std::optional<std::string> other_attitude(const std::vector<PosePair>& aligned,
                   "the attitudes differ by %.0f deg on average although the positions agree: check "
                   "the quaternions' order (TUM x y z w, EuRoC w x y z) and direction (body to "
                   "world)",
-                  angle * 180 / M_PI);
+                  angle / kDegree);
     return text;
 }
 

@@ -5,14 +5,13 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "libvio/base/angles.h"
 #include "libvio/evaluation/evaluate.h"
 
 namespace vio {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDegrees = 180 / M_PI;
 
 [[gnu::format(printf, 2, 3)]] void append(std::string& text, const char* format, ...) {
     char line[512];
@@ -38,7 +37,7 @@ void append_steps(std::string& text, const std::vector<RelativeError>& steps, co
         char name[32];
         std::snprintf(name, sizeof(name), "over %.3g %s", r.step, unit);
         append_statistics(text, name, "m", r.translation, 1);
-        append_statistics(text, "", "deg", r.rotation, kDegrees);
+        append_statistics(text, "", "deg", r.rotation, 1 / kDegree);
     }
 }
 
@@ -58,7 +57,7 @@ Json steps_json(const std::vector<RelativeError>& steps, const char* step_name) 
     for (const RelativeError& r : steps)
         list.push_back({{step_name, r.step},
                         {"translation_m", statistics_json(r.translation, 1)},
-                        {"rotation_deg", statistics_json(r.rotation, kDegrees)}});
+                        {"rotation_deg", statistics_json(r.rotation, 1 / kDegree)}});
     return list;
 }
 
@@ -96,7 +95,7 @@ std::string to_text(const Evaluation& e) {
            "maximum");
     append_statistics(text, "position", "m", e.position, 1);
     if (e.has_rotation)
-        append_statistics(text, "rotation", "deg", e.rotation, kDegrees);
+        append_statistics(text, "rotation", "deg", e.rotation, 1 / kDegree);
     else
         append(text, "  %-16s the truth has no attitude\n", "rotation");
     if (!e.rpe_distance.empty() || !e.rpe_time.empty()) {
@@ -106,7 +105,7 @@ std::string to_text(const Evaluation& e) {
     }
     if (e.drift)
         append(text, "  %-16s %.3f %% of the distance, %.4f deg/m\n", "drift",
-               100 * e.drift->translation, kDegrees * e.drift->rotation);
+               100 * e.drift->translation, e.drift->rotation / kDegree);
     if (e.nees) {
         append(text, "\n  NEES (yaw and position aligned at the first pose)\n");
         append_nees(text, "position", e.nees->position);
@@ -140,7 +139,7 @@ std::string to_table(const std::vector<Evaluation>& evaluations) {
                e.truth_name.c_str(), e.associated_poses, e.truth_path_length, e.position.mean,
                e.position.rmse, e.position.max);
         if (e.has_rotation)
-            append(text, " %7.3f %8.3f", kDegrees * e.rotation.mean, kDegrees * e.rotation.max);
+            append(text, " %7.3f %8.3f", e.rotation.mean / kDegree, e.rotation.max / kDegree);
         else
             append(text, " %7s %8s", "-", "-");
         percent(e.scale_error.has_value(), e.scale_error.value_or(0), "%+.2f");
@@ -168,22 +167,23 @@ std::string to_table(const std::vector<Evaluation>& evaluations) {
 
 Json to_json(const Evaluation& e) {
     const Similarity& S = e.alignment.S_G_E;
-    Json json = {{"estimate", e.estimate_name},
-                 {"truth", e.truth_name},
-                 {"alignment", to_string(e.alignment.kind)},
-                 {"alignment_scale", S.s},
-                 {"alignment_rotation", matrix_json(S.R)},
-                 {"alignment_translation_m", {S.p.x(), S.p.y(), S.p.z()}},
-                 {"estimated_poses", e.estimated_poses},
-                 {"associated_poses", e.associated_poses},
-                 {"duration_s", e.duration_s},
-                 {"truth_path_length_m", e.truth_path_length},
-                 {"estimate_path_length_m", e.estimate_path_length},
-                 {"position_m", statistics_json(e.position, 1)},
-                 {"rotation_deg", e.has_rotation ? statistics_json(e.rotation, kDegrees) : Json()},
-                 {"scale_error", e.scale_error ? Json(*e.scale_error) : Json()},
-                 {"time_offset_s", e.time_offset_s},
-                 {"time_offset_estimated", e.time_offset_estimated}};
+    Json json = {
+        {"estimate", e.estimate_name},
+        {"truth", e.truth_name},
+        {"alignment", to_string(e.alignment.kind)},
+        {"alignment_scale", S.s},
+        {"alignment_rotation", matrix_json(S.R)},
+        {"alignment_translation_m", {S.p.x(), S.p.y(), S.p.z()}},
+        {"estimated_poses", e.estimated_poses},
+        {"associated_poses", e.associated_poses},
+        {"duration_s", e.duration_s},
+        {"truth_path_length_m", e.truth_path_length},
+        {"estimate_path_length_m", e.estimate_path_length},
+        {"position_m", statistics_json(e.position, 1)},
+        {"rotation_deg", e.has_rotation ? statistics_json(e.rotation, 1 / kDegree) : Json()},
+        {"scale_error", e.scale_error ? Json(*e.scale_error) : Json()},
+        {"time_offset_s", e.time_offset_s},
+        {"time_offset_estimated", e.time_offset_estimated}};
     if (e.completion.expected > 0)
         json["completion"] = {{"share", e.completion.share()},
                               {"images", e.completion.expected},
@@ -192,7 +192,7 @@ Json to_json(const Evaluation& e) {
     json["relative_over_time"] = steps_json(e.rpe_time, "step_s");
     if (e.drift)
         json["drift"] = {{"translation_share", e.drift->translation},
-                         {"rotation_deg_per_m", kDegrees * e.drift->rotation}};
+                         {"rotation_deg_per_m", e.drift->rotation / kDegree}};
     json["truth_gaps"] = Json::array();
     for (const TruthGap& gap : e.gaps)
         json["truth_gaps"].push_back({{"from_ns", gap.from}, {"to_ns", gap.to}});

@@ -1,12 +1,12 @@
 #include "libvio/geometry/geodetic.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "libvio/base/angles.h"
 
 namespace vio {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kA = 6378137, kF = 1 / 298.257223563;  // WGS84
 constexpr double kE2 = kF * (2 - kF);
 

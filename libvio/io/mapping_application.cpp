@@ -26,10 +26,10 @@ std::optional<MappingApplication> read_mapping_application(const std::string& in
     };
     MappingApplication keys;
     keys.rawlog_file = text("rawlog_file");
-    keys.logOutput_dir = text("logOutput_dir");
+    keys.output_dir = text("logOutput_dir");
     keys.ground_truth_file = text("ground_truth_file");
-    keys.SAVE_3D_SCENES = whole_number("SAVE_3D_SCENES", 0, 0) != 0;
-    keys.SAVE_LOG_FREQUENCY = whole_number("SAVE_LOG_FREQUENCY", 1, 1);
+    keys.save_3d_scenes = whole_number("SAVE_3D_SCENES", 0, 0) != 0;
+    keys.save_log_frequency = whole_number("SAVE_LOG_FREQUENCY", 1, 1);
     return keys;
 }
 

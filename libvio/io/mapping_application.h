@@ -6,12 +6,13 @@
 
 namespace vio {
 
-/// [MappingApplication] as kf-slam and its like have it. Keys that are not listed here are theirs
-/// alone and passed over.
+/// [MappingApplication] as kf-slam and its like have it: the keys rawlog_file, logOutput_dir,
+/// ground_truth_file, SAVE_3D_SCENES and SAVE_LOG_FREQUENCY. Others are theirs alone and passed
+/// over.
 struct MappingApplication {
-    std::string rawlog_file, logOutput_dir, ground_truth_file;  ///< empty: not given
-    bool SAVE_3D_SCENES = false;
-    int SAVE_LOG_FREQUENCY = 1;  ///< [images]
+    std::string rawlog_file, output_dir, ground_truth_file;  ///< empty: not given
+    bool save_3d_scenes = false;
+    int save_log_frequency = 1;  ///< [images]
 };
 
 /// Nothing if the file has no such section. Throws InputError (file, section, key) for a missing

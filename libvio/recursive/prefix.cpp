@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "libvio/base/angles.h"
 #include "libvio/recursive/observation.h"
 
 namespace vio {
@@ -93,7 +94,7 @@ void Prefix::set_mount(const MountEstimate& mount) {
     rig_.time_offset = mount.mount.time_offset;
     const Eigen::VectorXd sigma = mount.covariance.diagonal().cwiseSqrt();
     const bool open = sigma.size() > 0;
-    batch_.extrinsics_rotation_sigma = open ? sigma.head<3>().maxCoeff() * 180 / M_PI : 0;
+    batch_.extrinsics_rotation_sigma = open ? sigma.head<3>().maxCoeff() / kDegree : 0;
     batch_.extrinsics_position_sigma = open ? sigma.segment<3>(3).maxCoeff() : 0;
     batch_.time_offset_sigma = open ? sigma(kTimeOffset) : 0;
     margin_ = from_seconds(kSigmas * batch_.time_offset_sigma);

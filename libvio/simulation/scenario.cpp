@@ -1,9 +1,9 @@
 #include "libvio/simulation/scenario.h"
 
 #include <cmath>
-#include <numbers>
 #include <sstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/io/sensor_text.h"
 #include "libvio/io/trajectory_io.h"
@@ -57,7 +57,7 @@ Rig with_errors(const Rig& truth, const ScenarioOptions& options, Random& random
     stated.distortion = with_errors(options.distortion, errors.distortion_sigma,
                                     "[calibration] distortion_sigma", random);
     const auto moved = [&](const Pose& pose, double degrees, double metres) {
-        const Eigen::Vector3d turn = degrees * std::numbers::pi / 180 * random.normal3();
+        const Eigen::Vector3d turn = degrees * kDegree * random.normal3();
         return Pose{pose.R * so3::exp(turn), pose.p + metres * random.normal3()};
     };
     stated.camera = options.camera.stated();

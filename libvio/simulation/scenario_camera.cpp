@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/camera/description.h"
 #include "libvio/camera/mirror.h"
 #include "libvio/simulation/scenario_text.h"
 
 namespace vio {
-namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
-
-}  // namespace
 
 void ScenarioCamera::describe(OptionSet& set) {
     set.add("model", &model, camera_models(),

@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <sstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/simulation/paths.h"
 #include "libvio/simulation/scenario_text.h"
 
 namespace vio {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 std::vector<Waypoint> control_points(const std::string& text) {
     std::vector<Waypoint> points;

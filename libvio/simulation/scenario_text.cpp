@@ -1,9 +1,9 @@
 #include "libvio/simulation/scenario_text.h"
 
 #include <cmath>
-#include <numbers>
 #include <sstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 
 namespace vio {
@@ -30,7 +30,6 @@ std::vector<double> numbers_in(const std::string& text, const std::string& optio
 
 Pose pose_from(const double* v) {
     using Eigen::AngleAxisd, Eigen::Vector3d;
-    constexpr double kDegree = std::numbers::pi / 180;
     return {(AngleAxisd(v[3] * kDegree, Vector3d::UnitZ()) *
              AngleAxisd(v[4] * kDegree, Vector3d::UnitY()) *
              AngleAxisd(v[5] * kDegree, Vector3d::UnitX()))

@@ -2,9 +2,9 @@
 
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <set>
 
+#include "libvio/base/angles.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/imu/preintegration.h"
 #include "libvio/simulation/scenario.h"
@@ -31,7 +31,7 @@ void add_path(const Simulation& simulation, ExperimentStatistics& s) {
         s.path_m += motion.v_W.norm() * dt;
         turn += (simulation.rig().T_B_C.R.transpose() * motion.omega_B).z() * dt;
     }
-    s.turn_deg = std::abs(turn) * 180 / std::numbers::pi;
+    s.turn_deg = std::abs(turn) / kDegree;
 }
 
 void add_points(const Simulation& simulation, ExperimentStatistics& s) {

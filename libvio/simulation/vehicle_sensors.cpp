@@ -4,10 +4,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "libvio/base/angles.h"
+
 namespace vio {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // The pose on the ground plane: x, y and yaw.
 Pose on_ground(const Pose& T_W_B) {

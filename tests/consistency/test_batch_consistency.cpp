@@ -29,11 +29,8 @@ TEST(BatchConsistency, ErrorsAgreeWithTheCovariance) {
         ASSERT_TRUE(result.report.converged) << result.report.reason;
         const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
         const StateEstimate& last = result.estimate.states.back();
-        const auto e = test::state_error(last, truth.states.back());
         const auto nees = [&](int first, int size) {
-            return e.segment(first, size)
-                .dot(last.covariance.block(first, first, size, size).inverse() *
-                     e.segment(first, size));
+            return test::state_nees(last, truth.states.back(), first, size);
         };
         pose += nees(0, 6) / kSeeds;
         motion += nees(0, 9) / kSeeds;
@@ -68,11 +65,8 @@ MeanNees mean_nees(ScenarioOptions scenario, int seeds, int images) {
         EXPECT_TRUE(result.report.converged) << result.report.reason;
         const Estimate truth = test::seen_from(run.truth, result.estimate.states.front().T_W_B);
         const StateEstimate& last = result.estimate.states.back();
-        const auto e = test::state_error(last, truth.states.back());
         const auto nees = [&](int first, int size) {
-            return e.segment(first, size)
-                .dot(last.covariance.block(first, first, size, size).inverse() *
-                     e.segment(first, size));
+            return test::state_nees(last, truth.states.back(), first, size);
         };
         mean.pose += nees(kRotation, 6) / seeds;
         mean.velocity += nees(kVelocity, 3) / seeds;

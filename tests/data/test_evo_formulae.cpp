@@ -12,6 +12,7 @@
 #include <random>
 #include <sstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/io/trajectory_io.h"
 #include "tests/cli/program.h"
 #include "tests/data/recorded_data.h"
@@ -156,7 +157,7 @@ void expect_steps(const nlohmann::json& ours, const Pairs& pairs, const std::vec
     }
     ASSERT_GT(translation.size(), 50u) << what;
     expect_statistics(ours["translation_m"], translation, 1, what + " translation");
-    expect_statistics(ours["rotation_deg"], rotation, M_PI / 180, what + " rotation");
+    expect_statistics(ours["rotation_deg"], rotation, kDegree, what + " rotation");
 }
 
 void expect_evo(const ScratchFolder& folder, const std::string& estimate,
@@ -181,7 +182,7 @@ void expect_evo(const ScratchFolder& folder, const std::string& estimate,
         ASSERT_EQ(run.exit_code, 0) << run.err;
         const nlohmann::json ours = nlohmann::json::parse(run.out);
         expect_statistics(ours["position_m"], ape, 1, align + " APE");
-        expect_statistics(ours["rotation_deg"], angles, M_PI / 180, align + " APE angle");
+        expect_statistics(ours["rotation_deg"], angles, kDegree, align + " APE angle");
         expect_steps(ours["relative_over_distance"][0], pairs, path, distance,
                      align + " RPE over distance");
         expect_steps(ours["relative_over_time"][0], pairs, pairs.seconds, 1,

@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/mirror.h"
 #include "libvio/camera/perspective.h"
@@ -14,8 +15,6 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 class SensorFaults : public ::testing::Test {
  protected:

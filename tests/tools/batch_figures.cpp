@@ -13,13 +13,12 @@
 #include <iostream>
 #include <random>
 
+#include "libvio/base/angles.h"
 #include "libvio/evaluation/metrics.h"
 #include "tests/scenario_batch.h"
 
 namespace vio::test {
 namespace {
-
-constexpr double kDegrees = 180 / M_PI;
 
 ScenarioOptions scenario(const std::string& folder, const std::string& name, int seed) {
     ScenarioOptions options = ScenarioOptions::from_file(folder + "/" + name + ".ini");
@@ -54,7 +53,7 @@ void print_errors(const char* name, const BatchResult& result, const Estimate& t
         return;
     }
     const Errors e = errors_of(result.estimate, truth);
-    std::printf("%-26s %8.3f %8.2f %8.2f %8.1f %6d %6d %12.4f  %s\n", name, e.rotation * kDegrees,
+    std::printf("%-26s %8.3f %8.2f %8.2f %8.1f %6d %6d %12.4f  %s\n", name, e.rotation / kDegree,
                 100 * e.position, 100 * e.worst_position, 100 * e.scale, result.report.iterations,
                 result.report.rejected_steps, result.report.final_cost,
                 result.report.converged ? "" : result.report.reason.c_str());
@@ -101,7 +100,7 @@ void rotations(int seeds) {
                 worst_rotation = std::max(worst_rotation, e.rotation);
             }
             std::printf("%13.0f %7d %10.1f %8.1f", 100.0 * good / seeds, wrong,
-                        100 * worst_position, worst_rotation * kDegrees);
+                        100 * worst_position, worst_rotation / kDegree);
         }
         std::printf("\n");
         std::fflush(stdout);

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstdio>
 
+#include "libvio/base/angles.h"
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/recursive/iekf.h"
@@ -78,7 +79,7 @@ std::vector<Setup> setups(int argc, char** argv) {
         Setup& s = all.back();
         s.stated = true;
         // What a calibration with such errors would say of itself.
-        s.iekf.imu_rotation_sigma = s.scenario.calibration.imu_rotation_deg * M_PI / 180;
+        s.iekf.imu_rotation_sigma = s.scenario.calibration.imu_rotation_deg * vio::kDegree;
         s.iekf.imu_position_sigma = s.scenario.calibration.imu_position;
         std::swap(argv[2], argv[i]);
     }
@@ -137,7 +138,7 @@ void print_row(int seed, const char* name, const vio::Simulation& sim, const Est
     int lost = 0;
     for (const vio::StateEstimate& state : estimate.states) lost += state.lost;
     std::printf("%4d %-6s %9.2f %9.2f %9.2f %9.2f %7.0f %7d %8.2f\n", seed, name,
-                100 * e.position.rmse, 100 * e.position.max, e.rotation.rmse * 180 / M_PI,
+                100 * e.position.rmse, 100 * e.position.max, e.rotation.rmse / vio::kDegree,
                 100 * e.scale_error.value_or(0),
                 100.0 * static_cast<double>(estimate.states.size()) /
                     static_cast<double>(sim.truth().size()),

@@ -4,6 +4,7 @@
 // The paper's Table 8: vio-slam reproduce table8. Then the calibration of that place, over seeds.
 #include <cstdio>
 
+#include "libvio/base/angles.h"
 #include "libvio/calibration/board_detector.h"
 #include "tests/mirror_board.h"
 #include "tests/omnidirectional_arm.h"
@@ -11,8 +12,6 @@
 namespace {
 
 using namespace vio;
-
-constexpr double kDegree = 0.0174533;
 
 void print(const char* name, const test::ArmErrors& e) {
     std::printf("  %-34s %5.3f / %5.3f  %5.2f / %5.2f  ", name, e.rotation, e.rotation_max,

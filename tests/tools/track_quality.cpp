@@ -24,6 +24,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
+#include "libvio/base/angles.h"
 #include "libvio/recursive/iekf.h"
 #include "libvio/tracking/front_end.h"
 #include "tests/tools/spoiled_images.h"
@@ -315,7 +316,7 @@ int measure(const Request& request) {
         const Mounting mounting =
             fit_mounting(input, run_tracker(input, few, {.prediction = false, .feedback = false}));
         input.T_W_C_fitted = camera_poses(input, mounting);
-        const Vector3d r = 180 / M_PI * mounting.rotation;
+        const Vector3d r = 1 / vio::kDegree * mounting.rotation;
         std::printf("the truth's mounting: %.3f %.3f %.3f deg, clock: %.2f ms\n", r.x(), r.y(),
                     r.z(), 1e3 * mounting.time_offset);
     }

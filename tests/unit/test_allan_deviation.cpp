@@ -5,6 +5,7 @@
 #include <numbers>
 #include <random>
 
+#include "libvio/base/angles.h"
 #include "libvio/calibration/allan_deviation.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -105,8 +106,8 @@ TEST(AllanDeviation, FlickerIsTold) {
 TEST(AllanDeviation, CoveringWalkIsThatOfDataSheets) {
     // ADIS16448: 14.5 deg/h, 0.66 deg/sqrt(h): EuRoC's sensor.yaml states 1.9e-5 rad/s^2/sqrt(Hz).
     AllanFit fit;
-    fit.noise_density.value = 0.66 * std::numbers::pi / 180 / 60;
-    fit.bias_instability = {14.5 * std::numbers::pi / 180 / 3600, 0, 0, true};
+    fit.noise_density.value = 0.66 * kDegree / 60;
+    fit.bias_instability = {14.5 * kDegree / 3600, 0, 0, true};
     EXPECT_NEAR(covering_random_walk(fit), 1.94e-5, 0.6e-5);
 }
 

@@ -82,12 +82,7 @@ void expect_same(const Camera& a, const Camera& b) {
 }
 
 std::string reading_error(const std::string& file, Rig rig = {}) {
-    try {
-        load_calibration(file, rig);
-    } catch (const InputError& error) {
-        return error.what();
-    }
-    return {};
+    return test::error_of([&] { load_calibration(file, rig); });
 }
 
 class EveryModel : public ::testing::TestWithParam<std::string> {};
@@ -134,13 +129,9 @@ TEST(Calibration, MirrorCameraWithoutItsFileIsAClearError) {
     for (int i = 0; i < 3; ++i) writer.write(FeatureFrame{i * 100'000'000LL, {}});
     writer.finish();
     std::filesystem::remove(folder / "a.calibration.ini");
-    try {
-        Recording recording(folder / "a.rawlog");
-        FAIL();
-    } catch (const InputError& error) {
-        EXPECT_NE(std::string(error.what()).find("equiangular_mirror"), std::string::npos);
-        EXPECT_NE(std::string(error.what()).find("a.calibration.ini"), std::string::npos);
-    }
+    const std::string message = test::error_of([&] { Recording(folder / "a.rawlog"); });
+    EXPECT_NE(message.find("equiangular_mirror"), std::string::npos) << message;
+    EXPECT_NE(message.find("a.calibration.ini"), std::string::npos) << message;
 }
 
 TEST(Calibration, KeysOfAnotherModelAreRefused) {

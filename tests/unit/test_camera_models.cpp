@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <functional>
-#include <numbers>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/mirror.h"
@@ -16,8 +16,6 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 struct Named {
     std::string name;

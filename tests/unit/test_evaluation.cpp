@@ -6,6 +6,7 @@
 
 #include "libvio/base/errors.h"
 #include "libvio/evaluation/evaluate.h"
+#include "tests/unit/scratch_folder.h"
 
 namespace vio {
 namespace {
@@ -30,15 +31,6 @@ std::vector<TimedPose> winding_path(int n = 101) {
 
 std::vector<TimedPose> transformed(const Similarity& S, const std::vector<TimedPose>& path) {
     return apply(S, path);
-}
-
-std::string message_of(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const InputError& error) {
-        return error.what();
-    }
-    return "";
 }
 
 TEST(Alignment, RecoversTheTransformationOfItsKind) {
@@ -326,7 +318,7 @@ TEST(Evaluate, TruthInAnotherUnitIsRefusedOnlyIfItsShapeIsTheSame) {
         return truth;
     };
     const auto message = [&](const std::vector<TimedPose>& truth) {
-        return message_of([&] { evaluate(estimate, truth); });
+        return test::error_of([&] { evaluate(estimate, truth); });
     };
     EXPECT_NE(message(scaled(1000, 0.01)).find("in millimetres"), std::string::npos);
     EXPECT_NE(message(scaled(100, 0.01)).find("in centimetres"), std::string::npos);
@@ -368,7 +360,7 @@ TEST(Evaluate, BadInputIsOneLineThatNamesItsPlace) {
     options.truth_name = "gt.csv";
     const auto expect = [&](const std::vector<TimedPose>& estimate,
                             const std::vector<TimedPose>& truth, const std::string& part) {
-        const std::string message = message_of([&] { evaluate(estimate, truth, options); });
+        const std::string message = test::error_of([&] { evaluate(estimate, truth, options); });
         EXPECT_NE(message.find(part), std::string::npos) << message;
         EXPECT_EQ(message.find('\n'), std::string::npos) << message;
     };
@@ -418,7 +410,7 @@ TEST(Evaluate, JudgesAtGivenTimesAlone) {
     EXPECT_LT(e.position.max, kTight);
     EXPECT_EQ(e.errors.back().estimate_idx, 80);
     options.at_s = {2, 2.01};
-    EXPECT_NE(message_of([&] { evaluate(estimate, path, options); }).find("only one pose"),
+    EXPECT_NE(test::error_of([&] { evaluate(estimate, path, options); }).find("only one pose"),
               std::string::npos);
 }
 
@@ -440,7 +432,7 @@ TEST(Evaluate, FindsTheTimeOffset) {
     options.time_offset_search_s = 0.1;
     auto late = path;
     for (TimedPose& row : late) row.t += from_seconds(0.4);
-    const std::string message = message_of([&] { evaluate(late, path, options); });
+    const std::string message = test::error_of([&] { evaluate(late, path, options); });
     EXPECT_NE(message.find("search farther"), std::string::npos) << message;
 }
 

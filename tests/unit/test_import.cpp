@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
+#include "libvio/base/angles.h"
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/perspective.h"
 #include "libvio/geometry/geodetic.h"
@@ -388,7 +388,7 @@ class Csv : public Import {
         write("accel.csv", "t,ax,ay,az\n995.5,0,0,-1\n1015.5,0.2,0,-1\n1035.5,0.4,0,-1\n");
         options_.gyro = {folder_ / "gyro.csv", {"time (ms)", "x", "y", "z"}, "ms"};
         options_.accel = {folder_ / "accel.csv", {"t", "ax", "ay", "az"}, "ms"};
-        options_.gyro_unit = std::numbers::pi / 180;
+        options_.gyro_unit = kDegree;
         options_.accel_unit = -9.80665;
     }
     ImportReport run() { return import_csv(out(), options_); }
@@ -403,7 +403,7 @@ TEST_F(Csv, UnitsOrderAndSeparateStampsAreMet) {
     const auto imu = read_all<ImuReading>(out());
     ASSERT_EQ(imu.size(), 3u);
     EXPECT_EQ(imu[0].t, 1000500000);
-    EXPECT_LT((imu[1].gyro - Eigen::Vector3d(11, 21, 31) * std::numbers::pi / 180).norm(), 1e-12);
+    EXPECT_LT((imu[1].gyro - Eigen::Vector3d(11, 21, 31) * kDegree).norm(), 1e-12);
     // A quarter, three quarters of 20 ms; the next interval's first quarter.
     EXPECT_NEAR(imu[0].accel.x(), -9.80665 * 0.05, 1e-12);
     EXPECT_NEAR(imu[1].accel.x(), -9.80665 * 0.15, 1e-12);

@@ -179,12 +179,8 @@ TEST(Results, NameTheFileThatIsWrong) {
     EXPECT_THROW(read_results(folder), InputError);
     write_results(folder, made_results());
     std::ofstream(folder + "/states.csv") << "1,2,3\n";
-    try {
-        read_results(folder);
-        FAIL();
-    } catch (const InputError& e) {
-        EXPECT_NE(std::string(e.what()).find("states.csv"), std::string::npos) << e.what();
-    }
+    const std::string message = test::error_of([&] { read_results(folder); });
+    EXPECT_NE(message.find("states.csv"), std::string::npos) << message;
 }
 
 // Read at any moment the files hold what has come until then, and the whole is the same whether it

@@ -8,6 +8,7 @@
 #include "libvio/recursive/iekf.h"
 #include "libvio/slam/motion_estimator.h"
 #include "tests/simulated_run.h"
+#include "tests/unit/scratch_folder.h"
 
 namespace vio {
 namespace {
@@ -112,13 +113,10 @@ TEST(MotionEstimator, SaysWhichSensorStaysSilent) {
     options.seconds = 12;
     const auto estimator = made("vio::RecursiveEstimator");
     estimator->set_labels("cam", "other");
-    std::string message;
-    try {
+    const std::string message = test::error_of([&] {
         for_each_observation(test::simulate_run(options),
                              [&](const auto& observation) { estimator->process(observation); });
-    } catch (const InputError& error) {
-        message = error.what();
-    }
+    });
     EXPECT_NE(message.find("IMU"), std::string::npos) << message;
     EXPECT_FALSE(made("vio::Nonsense"));
 }

@@ -6,6 +6,7 @@
 
 #include <fstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/gz_stream.h"
 #include "libvio/io/mrpt_conversions.h"
@@ -38,15 +39,6 @@ void expect_equal(const std::vector<TimedPose>& a, const std::vector<TimedPose>&
         EXPECT_LE(std::abs(a[i].t - b[i].t), time_tolerance);
         EXPECT_LT(a[i].T_W_B.boxminus(b[i].T_W_B).norm(), tolerance) << i;
     }
-}
-
-std::string message_of(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const InputError& error) {
-        return error.what();
-    }
-    return "";
 }
 
 class ReferenceFiles : public ::testing::Test {
@@ -82,13 +74,14 @@ TEST_F(ReferenceFiles, KittiPosesAreReadWithTheirTimes) {
         times += format_seconds(row.t) + "\n";
     }
     const std::string file = write("07.txt", poses);
-    EXPECT_NE(message_of([&] { read_trajectory(file); }).find("07.times.txt"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_trajectory(file); }).find("07.times.txt"),
+              std::string::npos);
     write("times.txt", times);
     expect_equal(read_trajectory(file), path(), 1e-12);
     write("07.times.txt", times + "2000000000\n");
-    EXPECT_NE(message_of([&] { read_trajectory(file); }).find("20 poses"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_trajectory(file); }).find("20 poses"), std::string::npos);
     write("07.times.txt", "3\n2\n");
-    EXPECT_NE(message_of([&] { read_trajectory(file); }).find("(line 2)"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_trajectory(file); }).find("(line 2)"), std::string::npos);
 }
 
 TEST_F(ReferenceFiles, MrptInterpolatorsOwnFileIsRead) {
@@ -102,9 +95,10 @@ TEST_F(ReferenceFiles, MrptInterpolatorsOwnFileIsRead) {
 
 TEST_F(ReferenceFiles, RowsOfAnotherLayoutAreRefusedWithTheirPlace) {
     const std::string file = write("x.txt", "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0\n");
-    EXPECT_NE(message_of([&] { read_trajectory(file); }).find("(line 2)"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_trajectory(file); }).find("(line 2)"), std::string::npos);
     const std::string skewed = write("k.txt", "1 0 0 0 0 1 0 0 0 0 2 0\n");
-    EXPECT_NE(message_of([&] { read_trajectory(skewed); }).find("no rotation"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_trajectory(skewed); }).find("no rotation"),
+              std::string::npos);
 }
 
 TEST_F(ReferenceFiles, OdometryOfARawlog) {
@@ -121,9 +115,10 @@ TEST_F(ReferenceFiles, OdometryOfARawlog) {
     const Reference reference = read_reference(file + ":odometry");
     EXPECT_TRUE(reference.has_attitude);
     expect_equal(reference.poses, expected, 1e-12);
-    EXPECT_NE(message_of([&] { read_reference(file + ":gps"); }).find("no GPS fix"),
+    EXPECT_NE(test::error_of([&] { read_reference(file + ":gps"); }).find("no GPS fix"),
               std::string::npos);
-    EXPECT_NE(message_of([&] { read_reference(file); }).find(":odometry or"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_reference(file); }).find(":odometry or"),
+              std::string::npos);
 }
 
 TEST_F(ReferenceFiles, RepeatedOdometryStampsAreToldAndBackwardOnesRefused) {
@@ -137,7 +132,7 @@ TEST_F(ReferenceFiles, RepeatedOdometryStampsAreToldAndBackwardOnesRefused) {
     ASSERT_EQ(reference.notes.size(), 1u);
     EXPECT_NE(reference.notes[0].find("1 reading"), std::string::npos);
     const std::string backwards = with_stamps({100, 0});
-    EXPECT_NE(message_of([&] { read_reference(backwards); }).find("before"), std::string::npos);
+    EXPECT_NE(test::error_of([&] { read_reference(backwards); }).find("before"), std::string::npos);
 }
 
 // WGS84 written out: geodetic to earth-centred, then rotated into east, north, up at the origin.
@@ -149,14 +144,14 @@ Eigen::Vector3d earth_centred(double latitude, double longitude, double height) 
 }
 
 Eigen::Vector3d east_north_up(const GpsMessage& fix, const GpsMessage& origin) {
-    const double rad = M_PI / 180;
-    const double b = origin.latitude_deg * rad, l = origin.longitude_deg * rad;
+    const double b = origin.latitude_deg * kDegree, l = origin.longitude_deg * kDegree;
     Eigen::Matrix3d R;
     R << -std::sin(l), std::cos(l), 0,  //
         -std::sin(b) * std::cos(l), -std::sin(b) * std::sin(l), std::cos(b),
         std::cos(b) * std::cos(l), std::cos(b) * std::sin(l), std::sin(b);
-    return R * (earth_centred(fix.latitude_deg * rad, fix.longitude_deg * rad, fix.altitude_m) -
-                earth_centred(b, l, origin.altitude_m));
+    return R *
+           (earth_centred(fix.latitude_deg * kDegree, fix.longitude_deg * kDegree, fix.altitude_m) -
+            earth_centred(b, l, origin.altitude_m));
 }
 
 TEST_F(ReferenceFiles, GpsFixesOfUsableQualityComeAsEastNorthUp) {
@@ -181,7 +176,7 @@ TEST_F(ReferenceFiles, GpsFixesOfUsableQualityComeAsEastNorthUp) {
     reference = read_reference(file + ":gps", {.gps_qualities = {2}, .gps_lever_arm = {}});
     EXPECT_EQ(reference.poses.size(), 3u);
     const ReferenceOptions none{.gps_qualities = {4}, .gps_lever_arm = {}};
-    EXPECT_NE(message_of([&] { read_reference(file + ":gps", none); }).find("--gps-quality"),
+    EXPECT_NE(test::error_of([&] { read_reference(file + ":gps", none); }).find("--gps-quality"),
               std::string::npos);
 }
 

@@ -2,6 +2,7 @@
 
 #include <fstream>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -15,7 +16,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr TimeNs kRecordedStart = 1'400'000'000'123'456'700;
-constexpr double kSeconds = 20, kRadPerDeg = 3.14159265358979 / 180;
+constexpr double kSeconds = 20;
 const Vector3d kGravity(0, 0, -9.81);
 
 /// A hand-held motion, readings of a real IMU on it, and what a motion-capture system says of it:
@@ -69,11 +70,11 @@ Recorded recorded(double tilt, double rotation_error, double position_error) {
 }
 
 TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
-    const Recorded r = recorded(1 * kRadPerDeg, 0.2 * kRadPerDeg, 2e-3);
+    const Recorded r = recorded(1 * kDegree, 0.2 * kDegree, 2e-3);
     const ImuSequence imu(r.readings);
     const SmoothedPath path = smooth_path(r.measured, 0.25, r.times, imu, r.rig, 9.81, {});
     // The wander's 30 independent errors of 0.2 degree average to 0.037.
-    EXPECT_NEAR(path.tilt, 1 * kRadPerDeg, 0.15 * kRadPerDeg);
+    EXPECT_NEAR(path.tilt, 1 * kDegree, 0.15 * kDegree);
     ASSERT_EQ(path.states.size(), r.times.size());
     // Turns from image to image are those of the truth to the gyro's noise, not the recording's.
     double change2 = 0, recorded2 = 0, tilt2 = 0, velocity2 = 0;
@@ -98,7 +99,7 @@ TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
     EXPECT_GT(std::sqrt(recorded2 / n), 4e-4);
     // Of the recorded tilt (0.2 degree about two axes) the part stays that is constant over the
     // recording: the accelerometer's bias looks the same.
-    EXPECT_LT(std::sqrt(tilt2 / n), 0.5 * 0.2 * kRadPerDeg);
+    EXPECT_LT(std::sqrt(tilt2 / n), 0.5 * 0.2 * kDegree);
     EXPECT_LT(std::sqrt(velocity2 / n), 0.01);
     for (const StateEstimate& state : path.states) {
         EXPECT_LT((state.gyro_bias - r.bias.gyro).norm(), 1e-3);
@@ -107,7 +108,7 @@ TEST(RecordedPath, ReadingsTakeTheWanderOutOfRecordedAttitudes) {
 }
 
 TEST(RecordedPath, ConsistencyIsOneForReadingsAsNoisyAsStatedAndLargeForAWanderingPath) {
-    const Recorded r = recorded(0, 0.2 * kRadPerDeg, 2e-3);
+    const Recorded r = recorded(0, 0.2 * kDegree, 2e-3);
     const ImuSequence imu(r.readings);
     const auto states = [&](const Trajectory& trajectory) {
         std::vector<StateEstimate> result;
@@ -153,7 +154,7 @@ ScenarioOptions files_of(const Recorded& r, const test::ScratchFolder& folder) {
 
 TEST(RecordedScenario, KeepsTheRecordedReadingsAndStampsAndSeesTheScenePreciselyFromTheTruth) {
     const test::ScratchFolder folder;
-    const Recorded r = recorded(0.5 * kRadPerDeg, 0.1 * kRadPerDeg, 1e-3);
+    const Recorded r = recorded(0.5 * kDegree, 0.1 * kDegree, 1e-3);
     const Simulation simulation(files_of(r, folder));
     EXPECT_EQ(simulation.image_times().front(), kRecordedStart + from_seconds(0.5));
     size_t k = 0;

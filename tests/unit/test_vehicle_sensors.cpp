@@ -1,6 +1,7 @@
 // Odometry, GPS, the order of messages, and calibrations that are stated wrong.
 #include <gtest/gtest.h>
 
+#include "libvio/base/angles.h"
 #include "libvio/simulation/scenario.h"
 
 namespace vio {
@@ -174,7 +175,7 @@ TEST(StatedCalibration, DeviatesAsAsked) {
         focal += std::pow((width(stated) - width(truth)) / 1e-3 / 3.2, 2);
         turn += Eigen::AngleAxisd(truth.T_B_C.R.transpose() * stated.T_B_C.R).angle() *
                 Eigen::AngleAxisd(truth.T_B_C.R.transpose() * stated.T_B_C.R).angle() /
-                std::pow(std::numbers::pi / 180, 2);
+                std::pow(kDegree, 2);
         EXPECT_EQ(truth.T_B_I.p, stated.T_B_I.p);
         EXPECT_DOUBLE_EQ(stated.time_offset - truth.time_offset, 0.01);
     }
