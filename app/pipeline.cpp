@@ -67,7 +67,7 @@ class Part {
 };
 
 // An image, or its features, on the IMU's clock.
-struct TimedMessage {
+struct TimedMessage {  // NOLINT(bugprone-exception-escape): std::variant's own promise
     TimeNs t_imu = 0;
     Message message;
 };
