@@ -33,11 +33,15 @@ std::vector<TimeNs> image_stamps(const std::string& rawlog) {
     return stamps;
 }
 
-// Images of the recording that a results folder was made from; 0 where it does not say.
-int image_count(const std::string& folder) {
+// Images of the recording that a results folder was made from, where it says so.
+ExpectedImages images_of(const std::string& folder) {
     std::ifstream file(folder + "/summary.json");
     const auto summary = nlohmann::json::parse(file, nullptr, false);
-    return summary.is_object() ? summary.value("images_in_recording", 0) : 0;
+    ExpectedImages images;
+    if (!summary.is_object()) return images;
+    images.image_count = summary.value("images_in_recording", 0);
+    if (summary.contains("images")) images.images_with_pose = summary.value("images", 0);
+    return images;
 }
 
 std::vector<TimedPose> followed(std::vector<TimedPose> poses, const Pose& T) {
@@ -135,9 +139,10 @@ JudgedResult read_judged(const std::string& result) {
         judged.poses = read_trajectory(result);
         return judged;
     }
-    judged.image_count = image_count(result);
+    judged.images = images_of(result);
     const Estimate estimate = read_results(result);
     judged.has_scale = estimate.has_scale;
+    if (!estimate.innovations.empty()) judged.first_update = estimate.innovations.front().t;
     judged.poses = trajectory(estimate);
     if (!estimate.has_scale) {  // its covariance is in arbitrary units
         const Rig rig = read_results_rig(result);
@@ -159,7 +164,9 @@ Evaluation compare(const JudgedResult& result, const Reference& reference,
     how.T_B_T = reference.T_B_T;
     how.truth_has_attitude = reference.has_attitude;
     how.estimate_has_scale = result.has_scale;
-    how.images.image_count = result.image_count;
+    how.first_update = result.first_update;
+    how.images.image_count = result.images.image_count;
+    how.images.images_with_pose = result.images.images_with_pose;
     if (!options.rawlog.empty()) how.images.stamps = image_stamps(options.rawlog);
     Evaluation evaluation;
     if (result.T_B_C && reference.has_attitude) {

@@ -33,7 +33,8 @@ struct JudgedResult {
     std::vector<TimedPose> poses;
     std::optional<std::vector<Matrix6d>> covariances;
     bool has_scale = true;
-    int image_count = 0;  ///< of the recording, as the result tells; 0: it does not
+    ExpectedImages images;               ///< as far as the result tells
+    std::optional<TimeNs> first_update;  ///< see EvaluationOptions
     /// Camera in the body, of a result without scale: such a result is judged at the camera, since
     /// its place in the body is metric and the result is not.
     std::optional<Pose> T_B_C;

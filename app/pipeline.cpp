@@ -57,13 +57,18 @@ class Part {
         const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
         if (!origin_) origin_ = t;
         const double seconds = to_seconds(t - *origin_);
+        beyond_ = seconds > request_.end_s + request_.options.iekf.message_window ? beyond_ + 1 : 0;
         const double margin = std::holds_alternative<ImuReading>(message) ? 0.1 : 0;
         return seconds >= request_.begin_s - margin && seconds <= request_.end_s + margin;
     }
 
+    /// Whether none of the part is to come: one message beyond it may have a wrong stamp.
+    bool is_over() const { return beyond_ > 100; }
+
  private:
     const RunRequest& request_;
     std::optional<TimeNs> origin_;
+    int beyond_ = 0;  // messages in a row
 };
 
 // An image, or its features, on the IMU's clock.
@@ -255,19 +260,21 @@ class Course {
     RunReport& report_;
 };
 
-// Reads to the end of the file, or to where it is damaged.
+// Reads to the end of the part that was asked for, or to where the file is damaged.
 void read(Recording& recording, Course& course, Part part, RunReport& report) {
-    const auto next = [&] {
-        return timed(report.input_output_s, [&] { return recording.next(); });
+    const auto next = [&]() -> std::optional<Message> {
+        try {
+            return timed(report.input_output_s, [&] { return recording.next(); });
+        } catch (const InputError& damage) {
+            report.damage = damage.what();
+            return std::nullopt;
+        }
     };
     Progress progress("reading");
-    try {
-        while (const std::optional<Message> message = next()) {
-            if (part.contains(*message)) course.add(*message);
-            progress.update(recording.progress());
-        }
-    } catch (const InputError& damage) {
-        report.damage = damage.what();
+    while (const std::optional<Message> message = next()) {
+        if (part.contains(*message)) course.add(*message);
+        if (part.is_over()) break;
+        progress.update(recording.progress());
     }
     course.finish();
 }
@@ -281,8 +288,10 @@ void summarise(const WrittenPath& written, RunReport& report) {
 
 InputError no_pose(const RunRequest& request, const RunReport& report) {
     if (!report.damage.empty()) return InputError(report.damage);
-    const std::string why = report.events.empty() ? "too little to start from; see the images' span"
-                                                  : report.events.back().text;
+    const std::string why = !report.estimator_says.empty() ? report.estimator_says
+                            : report.events.empty()
+                                ? "too little to start from; see the images' span"
+                                : report.events.back().text;
     const std::string late =
         report.late_messages > 0
             ? "; " + std::to_string(report.late_messages) +
@@ -315,6 +324,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
              {"sigma", unknown.sigma > 0 ? nlohmann::json(unknown.sigma) : nlohmann::json()},
              {"stated_sigma", unknown.stated_sigma}});
     json["imu_readings"] = report.imu_readings;
+    json["images"] = report.images_with_pose;
     json["images_in_recording"] = report.images + report.dropped_images;
     json["dropped_images"] = report.dropped_images;
     json["repeated_messages"] = report.repeated_messages;
@@ -354,6 +364,7 @@ RunReport run_pipeline(const RunRequest& request) {
     report.iterations = estimator.iterations();
     if (output.written().poses == 0) throw no_pose(request, report);
     report.has_scale = output.has_scale();
+    report.images_with_pose = output.images_with_pose();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });
     summarise(output.written(), report);
     report.picture_problem = timed(report.picture_s, [&] { return output.draw(truth); });

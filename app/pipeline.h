@@ -46,6 +46,7 @@ struct RunRequest {
 /// What a run did, for people and for summary.json.
 struct RunReport {
     int images = 0;             ///< that reached the estimator
+    int images_with_pose = 0;   ///< of these
     int dropped_images = 0;     ///< outside the IMU's readings
     int repeated_messages = 0;  ///< left out: of the same stamp as another of their kind
     int late_messages = 0;      ///< left out: later than IekfOptions::message_window

@@ -39,8 +39,7 @@ void add_summary(const Material& m, Page& page) {
     text("sensors", "sensors");
     text("outcome", "estimator_report");
     const std::string all = known(s, "images_in_recording", 0);
-    table.rows.push_back(
-        {"images with a pose", std::to_string(m.estimate.states.size()) + " of " + all});
+    table.rows.push_back({"images with a pose", known(s, "images", 0) + " of " + all});
     table.rows.push_back({"of these, track lost", known(s, "lost_poses", 0)});
     table.rows.push_back({"duration [s]", known(s, "duration_s", 2)});
     table.rows.push_back(

@@ -106,6 +106,11 @@ void run(Arguments arguments) {
         throw InputError("--fiducials is for --estimator batch");
     if (!request.start_folder.empty() && request.estimator != "batch")
         throw InputError("--start-from is for --estimator batch");
+    if (!arguments.start.empty() && request.estimator != "batch")
+        throw InputError("--start is for --estimator batch");
+    if (arguments.every_reading && request.estimator != "iekf")
+        throw InputError(
+            "--every-reading is for --estimator iekf: the batch estimates poses at images");
     if (!(request.begin_s < request.end_s))
         throw InputError("--from and --to: nothing lies between them; --to is to be the later one");
     request.use_imu = arguments.sensors == "image+imu";

@@ -65,6 +65,7 @@ RunOutput::RunOutput(const RunRequest& request, const Rig& rig)
 void RunOutput::add(const FeatureFrame& frame) {
     painter_.add(frame);
     recent_.push_back(frame);
+    without_pose_.push_back(frame.t);
     if (static_cast<long>(recent_.size()) > most_recent_) recent_.pop_front();
 }
 
@@ -77,10 +78,16 @@ void RunOutput::add(Estimate piece) {
             writer_.add_keyframe(recent_.front());
             recent_.pop_front();
         }
-    const int before = writer_.written().poses;
+    const int before = images_with_pose_;
+    for (const StateEstimate& state : piece.states) {
+        while (!without_pose_.empty() && without_pose_.front() < state.t) without_pose_.pop_front();
+        if (without_pose_.empty() || without_pose_.front() != state.t) continue;
+        ++images_with_pose_;
+        without_pose_.pop_front();
+    }
     writer_.add(piece);
     sketch_.add(piece);
-    for (int image = before + 1; image <= writer_.written().poses; ++image)
+    for (int image = before + 1; image <= images_with_pose_; ++image)
         scene_due_ = scene_due_ || scenes_->due(image);
 }
 
@@ -94,7 +101,7 @@ void RunOutput::write_scene(const std::vector<LandmarkEstimate>& landmarks) {
     scene_due_ = false;
     Estimate estimate = sketch_.estimate();
     estimate.landmarks.insert(estimate.landmarks.end(), landmarks.begin(), landmarks.end());
-    scenes_->write(writer_.written().poses, estimate);
+    scenes_->write(images_with_pose_, estimate);
 }
 
 void RunOutput::finish(const nlohmann::json& summary) {

@@ -46,6 +46,7 @@ class RunOutput {
     /// The rig as estimated; before the first piece.
     void set_rig(const Rig& rig);
     const WrittenPath& written() const { return writer_.written(); }
+    int images_with_pose() const { return images_with_pose_; }
     bool has_scale() { return sketch_.estimate().has_scale; }
 
     /// Whether a scene is due, and what it shows beside what has been added: landmarks that are
@@ -64,6 +65,8 @@ class RunOutput {
     ResultsWriter writer_;
     std::deque<FeatureFrame> recent_;  // of which the estimator makes key-frames
     long most_recent_;
+    std::deque<TimeNs> without_pose_;  // images
+    int images_with_pose_ = 0;
     Painter painter_;
     std::unique_ptr<SceneSeries> scenes_;
     bool scene_due_ = false;

@@ -153,7 +153,8 @@ Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImag
         const TimeNs start = estimate.front().t + from_seconds(images.start_offset_s);
         result.expected = images.image_count;
         for (const TimedPose& row : estimate) result.estimated += row.t >= start;
-        result.estimated = std::min(result.estimated, result.expected);
+        result.estimated =
+            std::min(images.images_with_pose.value_or(result.estimated), result.expected);
         return result;
     }
     const TimeNs start = images.stamps.front() + from_seconds(images.start_offset_s);
@@ -214,6 +215,21 @@ void measure_poses(const std::vector<PosePair>& aligned, Evaluation& e) {
     }
     e.position = statistics(std::move(position));
     e.rotation = statistics(std::move(rotation));
+}
+
+std::optional<AfterStart> after_start(const Evaluation& e, TimeNs first_update) {
+    AfterStart result;
+    std::vector<double> position, rotation;
+    for (const PoseError& error : e.errors) {
+        ++(error.t < first_update ? result.start_poses : result.poses);
+        if (error.t < first_update) continue;
+        position.push_back(error.position.norm());
+        if (e.has_rotation) rotation.push_back(error.rotation);
+    }
+    if (result.poses == 0) return std::nullopt;
+    result.position = statistics(std::move(position));
+    result.rotation = statistics(std::move(rotation));
+    return result;
 }
 
 std::optional<Drift> drift(const std::vector<RelativeError>& steps) {
@@ -289,6 +305,7 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
     require_determined(e.alignment, options);
     for (PosePair& pair : pairs) pair.estimate = e.alignment.S_G_E * pair.estimate;
     measure_poses(pairs, e);
+    if (options.first_update) e.after_start = after_start(e, *options.first_update);
     if (e.has_rotation) {
         measure_steps(pairs, options, e);
         if (const auto attitude = other_attitude(pairs, options.T_B_T.R))

@@ -13,10 +13,11 @@
 namespace vio {
 
 /// Of which images the estimate is to hold a pose. With stamps each image is looked for; without,
-/// the poses from the first one on are counted against image_count.
+/// the poses from the first one on, or images_with_pose, are counted against image_count.
 struct ExpectedImages {
-    std::vector<TimeNs> stamps;       ///< of the sequence's images, in the estimate's time
-    int image_count = 0;              ///< used where there are no stamps; 0: unknown
+    std::vector<TimeNs> stamps;           ///< of the sequence's images, in the estimate's time
+    int image_count = 0;                  ///< used where there are no stamps; 0: unknown
+    std::optional<int> images_with_pose;  ///< of these; not every pose may be an image's
     double start_offset_s = 0;        ///< images up to this long after the first are not asked for
     double stamp_tolerance_s = 1e-3;  ///< between an image and its pose
 };
@@ -36,6 +37,9 @@ struct EvaluationOptions {
     bool estimate_has_scale = true;  ///< false (image-only): the scale error (27) has no meaning
     bool truth_has_attitude = true;  ///< false: rotations and steps are not judged
     ExpectedImages images;
+    /// The first image that the recursive estimator took up after its start: earlier poses come
+    /// from the batch over its prefix. Nothing: not known, or no recursive estimate.
+    std::optional<TimeNs> first_update;
     /// Lengths of the relative pose error. Distances left empty: 10, 20, 30, 40 and 50 % of the
     /// true path.
     std::vector<double> rpe_distances_m;
@@ -71,12 +75,20 @@ struct Completion {
     double share() const { return expected > 0 ? double(estimated) / expected : 0; }
 };
 
+/// Errors of the poses that a recursive estimate gave image by image, those of its start left out;
+/// of the same alignment.
+struct AfterStart {
+    int poses = 0, start_poses = 0;
+    ErrorStatistics position, rotation;  ///< [m], [rad]
+};
+
 /// Every figure of merit of one trajectory, after the alignment.
 struct Evaluation {
     std::string estimate_name, truth_name;
     Alignment alignment;       ///< the one that was asked for, and applied
     ErrorStatistics position;  ///< [m]
     ErrorStatistics rotation;  ///< [rad]
+    std::optional<AfterStart> after_start;
     /// 1/s - 1 of the Sim(3) alignment (27), whatever alignment was asked for; nothing if the path
     /// is too short to tell (two poses, or one place).
     std::optional<double> scale_error;

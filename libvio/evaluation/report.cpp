@@ -98,6 +98,13 @@ std::string to_text(const Evaluation& e) {
         append_statistics(text, "rotation", "deg", e.rotation, 1 / kDegree);
     else
         append(text, "  %-16s the truth has no attitude\n", "rotation");
+    if (e.after_start) {
+        append(text, "\n  the %d poses after the start's %d (a batch over the first images)\n",
+               e.after_start->poses, e.after_start->start_poses);
+        append_statistics(text, "position", "m", e.after_start->position, 1);
+        if (e.has_rotation)
+            append_statistics(text, "rotation", "deg", e.after_start->rotation, 1 / kDegree);
+    }
     if (!e.rpe_distance.empty() || !e.rpe_time.empty()) {
         append(text, "\n  relative error\n");
         append_steps(text, e.rpe_distance, "m");
@@ -188,6 +195,13 @@ Json to_json(const Evaluation& e) {
         json["completion"] = {{"share", e.completion.share()},
                               {"images", e.completion.expected},
                               {"with_pose", e.completion.estimated}};
+    if (e.after_start)
+        json["after_start"] = {
+            {"poses", e.after_start->poses},
+            {"start_poses", e.after_start->start_poses},
+            {"position_m", statistics_json(e.after_start->position, 1)},
+            {"rotation_deg",
+             e.has_rotation ? statistics_json(e.after_start->rotation, 1 / kDegree) : Json()}};
     json["relative_over_distance"] = steps_json(e.rpe_distance, "step_m");
     json["relative_over_time"] = steps_json(e.rpe_time, "step_s");
     if (e.drift)

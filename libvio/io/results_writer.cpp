@@ -248,7 +248,7 @@ void ResultsWriter::finish(const nlohmann::json& summary) {
     w.graph->finish();
     const Estimate& estimate = w.parameters;
     nlohmann::json json = summary;
-    json["images"] = w.written.poses;
+    json["poses"] = w.written.poses;
     json["landmarks"] = w.written.landmarks;
     json["lost_poses"] = w.written.lost_poses;
     json["duration_s"] = to_seconds(w.written.last - w.written.first);

@@ -54,7 +54,7 @@ TEST(Golden, DemoBatchFromBlindStart) {
     ASSERT_EQ(run.exit_code, 0) << run.err;
     EXPECT_EQ(run.err, "") << "progress must not show in a pipe";
     expect_results(out);
-    expect_good(evaluate(out, folder), 0.03, 0.05);
+    expect_good(evaluate(out, folder), 0.005, 0.02);
 }
 
 TEST(Golden, DemoRecursive) {
@@ -64,7 +64,12 @@ TEST(Golden, DemoRecursive) {
         vio_slam("run " + kRawlog + " --estimator iekf --output " + out, folder.path().string());
     ASSERT_EQ(run.exit_code, 0) << run.err;
     expect_results(out);
-    expect_good(evaluate(out, folder), 0.04, 0.05);
+    const nlohmann::json evaluation = evaluate(out, folder);
+    expect_good(evaluation, 0.005, 0.02);
+    // The filter's own images, after the batch that it starts from.
+    EXPECT_GT(evaluation["after_start"]["poses"], 20);
+    EXPECT_LT(evaluation["after_start"]["position_m"]["rmse"].get<double>(), 0.006);
+    EXPECT_LT(evaluation["after_start"]["rotation_deg"]["rmse"].get<double>(), 0.8);
 }
 
 TEST(Golden, EqualRunsGiveEqualBytes) {

@@ -262,6 +262,23 @@ TEST(Evaluate, CountsTheImagesThatHaveAPose) {
     options.images.start_offset_s = 0;
     options.images.image_count = 122;
     EXPECT_NEAR(evaluate(estimate, truth, options).completion.share(), 0.5, kTight);
+    options.images.images_with_pose = 30;  // not every pose is an image's
+    EXPECT_EQ(evaluate(estimate, truth, options).completion.estimated, 30);
+}
+
+TEST(Evaluate, JudgesThePosesAfterTheStartByThemselves) {
+    const auto truth = winding_path();
+    auto estimate = truth;
+    for (size_t i = 0; i < estimate.size(); ++i) estimate[i].T_W_B.p.x() += i < 40 ? 1 : 0.25;
+    EvaluationOptions options;
+    options.alignment = AlignmentKind::kNone;
+    options.first_update = truth[40].t;
+    const Evaluation e = evaluate(estimate, truth, options);
+    ASSERT_TRUE(e.after_start);
+    EXPECT_EQ(e.after_start->start_poses, 40);
+    EXPECT_EQ(e.after_start->poses, static_cast<int>(truth.size()) - 40);
+    EXPECT_NEAR(e.after_start->position.rmse, 0.25, kTight);
+    EXPECT_NEAR(to_json(e)["after_start"]["position_m"]["rmse"].get<double>(), 0.25, kTight);
 }
 
 TEST(Evaluate, TruthOfAnotherPointOfTheBodyNeedsItsPose) {

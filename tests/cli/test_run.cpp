@@ -1,0 +1,77 @@
+// What `run` says and counts, on the demo recording.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/cli/program.h"
+#include "tests/unit/scratch_folder.h"
+
+namespace vio::test {
+namespace {
+
+const std::string kDemo = VIO_SOURCE_DIR "/datasets/demo.rawlog";
+const std::string kTruth = VIO_SOURCE_DIR "/datasets/demo.truth.tum";
+
+class Run : public ::testing::Test {
+ protected:
+    ProgramResult run(const std::string& arguments) {
+        return vio_slam(arguments, scratch_.path().string());
+    }
+    nlohmann::json summary(const std::string& out) {
+        return nlohmann::json::parse(read_text(out + "/summary.json"), nullptr, false);
+    }
+
+    ScratchFolder scratch_;
+};
+
+// Features are stated to be known a thousand times better than they are: the batch refuses its
+// start, and its own reason is told.
+TEST_F(Run, BatchThatFailsSaysWhy) {
+    const ProgramResult result = run("run " + kDemo +
+                                     " --estimator batch --start staged --set "
+                                     "batch.sigma_px=0.001 --to 3 -o " +
+                                     (scratch_ / "out"));
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_NE(result.err.find("no pose could be estimated"), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("sigma_px"), std::string::npos) << result.err;
+}
+
+// Poses at readings are no images with a pose; the evaluation counts images.
+TEST_F(Run, PosesAtReadingsAreNotCountedAsImages) {
+    const std::string out = scratch_ / "out";
+    ASSERT_EQ(run("run " + kDemo + " --every-reading -o " + out).exit_code, 0);
+    const nlohmann::json json = summary(out);
+    EXPECT_EQ(json["images"], 152);
+    EXPECT_EQ(json["images_in_recording"], 152);
+    EXPECT_GT(json["poses"], 300);
+    const auto evaluation = nlohmann::json::parse(
+        run("evaluate " + out + " --against " + kTruth + " --align sim3 --json").out, nullptr,
+        false);
+    ASSERT_TRUE(evaluation.is_object());
+    EXPECT_EQ(evaluation["completion"]["with_pose"], 152);
+    EXPECT_EQ(evaluation["completion"]["images"], 152);
+}
+
+// What is wrong with a file behind the part that was asked for does not matter.
+TEST_F(Run, DamageBehindThePartIsNotReached) {
+    const std::string cut = scratch_ / "cut.rawlog";
+    std::filesystem::copy_file(kDemo, cut);
+    std::filesystem::resize_file(cut, std::filesystem::file_size(cut) * 8 / 10);
+    EXPECT_EQ(run("run " + cut + " -o " + (scratch_ / "whole")).exit_code, 1);
+    const ProgramResult part = run("run " + cut + " --to 2.5 -o " + (scratch_ / "part"));
+    EXPECT_EQ(part.exit_code, 0) << part.err;
+    EXPECT_GT(summary(scratch_ / "part")["images"], 60);
+}
+
+TEST_F(Run, OptionsOfTheOtherEstimatorAreRefused) {
+    for (const char* options : {"--estimator batch --every-reading", "--start staged"}) {
+        const ProgramResult result =
+            run("run " + kDemo + " " + options + " -o " + (scratch_ / "out"));
+        EXPECT_EQ(result.exit_code, 1) << options;
+        EXPECT_NE(result.err.find("is for --estimator"), std::string::npos) << result.err;
+    }
+}
+
+}  // namespace
+}  // namespace vio::test
