@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "libvio/base/median.h"
 #include "libvio/batch/growth.h"
 #include "libvio/batch/start.h"
 
@@ -138,6 +139,47 @@ bool drop_outliers(Course& course) {
     return any;
 }
 
+// A track that has jumped from one place to another shows no point. What lies between both may come
+// within reach of most of its observations, which then pull all one way, by more than noise does. A
+// track's squared residuals are judged by those that noise makes, or, where sigma_px is too small,
+// by those of most. True if any were dropped.
+bool drop_tracks_of_no_point(Course& course) {
+    constexpr double kNormalQuantile = 3.09;  // of 99.9 %
+    if (course.options.outlier_sigmas == 0) return false;
+    const Objective objective(course.model, course.options, {});
+    struct Fit {
+        Observation *first, *last;
+        double ratio, limit;  // of the squared residuals to their degrees of freedom
+    };
+    std::vector<Fit> fits;
+    std::vector<double> ratios;
+    for (const Point& point : course.model.points) {
+        Observation* first = &course.model.observations[point.first_observation];
+        Observation* last = first + point.observation_count;
+        double squared = 0;
+        int dof = -3;
+        for (const Observation* o = first; o != last; ++o) {
+            if (!o->active) continue;
+            squared += objective.observation_distance2(course.state, *o);
+            dof += 2;
+        }
+        if (point.fiducial || dof <= 0) continue;
+        const double spread = 2.0 / (9 * dof);  // Wilson and Hilferty 1931
+        fits.push_back({first, last, squared / dof,
+                        std::pow(1 - spread + kNormalQuantile * std::sqrt(spread), 3)});
+        ratios.push_back(squared / dof);
+    }
+    if (fits.empty()) return false;
+    const double usual = std::max(1.0, median(std::move(ratios)));
+    bool any = false;
+    for (const Fit& fit : fits) {
+        if (fit.ratio <= usual * fit.limit) continue;
+        for (Observation* o = fit.first; o != fit.last; ++o) o->active = false;
+        any = true;
+    }
+    return any;
+}
+
 // A point at a camera's centre is seen there in any direction: its observation there is explained
 // by nothing, and its nearness makes that pose look known beyond what the equations can hold. Few
 // observations with next to no parallax can end there. True if there were any.
@@ -225,6 +267,7 @@ void minimize_all(Course& course) {
     constexpr int kRounds = 3;
     for (int round = 0; round < kRounds; ++round) {
         dropped |= drop_points_at_cameras(course);
+        if (!dropped) dropped = drop_tracks_of_no_point(course);  // of the minimum without those
         if (!std::exchange(dropped, false)) break;
         minimize_stage(course, stage, limits);
     }
