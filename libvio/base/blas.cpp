@@ -35,6 +35,13 @@ int stride(const ConstMatrix& A) {
     return std::max(1, static_cast<int>(A.outerStride()));
 }
 
+// B <- B op(L)^-1.
+void solve_right(const ConstMatrix& L, const char* op, Matrix B) {
+    const int m = static_cast<int>(B.rows()), n = static_cast<int>(B.cols());
+    const int lda = stride(L), ldb = stride(B);
+    if (m > 0 && n > 0) dtrsm_("R", "L", op, "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
+}
+
 }  // namespace
 
 Serial::Serial() {
@@ -91,9 +98,11 @@ void combine(const double* const* columns, const double* S, int count, int rows,
 }
 
 void divide(const ConstMatrix& L, Matrix B) {
-    const int m = static_cast<int>(B.rows()), n = static_cast<int>(B.cols());
-    const int lda = stride(L), ldb = stride(B);
-    if (m > 0 && n > 0) dtrsm_("R", "L", "T", "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
+    solve_right(L, "T", B);
+}
+
+void divide_by_transpose(const ConstMatrix& L, Matrix B) {
+    solve_right(L, "N", B);
 }
 
 bool factorize(Matrix A) {

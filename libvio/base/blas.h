@@ -32,6 +32,8 @@ void combine(const double* const* columns, const double* S, int count, int rows,
              double* C_second);
 /// B <- B L^-T.
 void divide(const ConstMatrix& L, Matrix B);
+/// B <- B L^-1.
+void divide_by_transpose(const ConstMatrix& L, Matrix B);
 /// Cholesky's factor of the square on top of a panel A, lower triangle, in its place; its rows
 /// below become theirs times L^-T. False where the square is not positive definite.
 bool factorize(Matrix A);

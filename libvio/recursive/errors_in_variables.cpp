@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "libvio/recursive/transpose.h"
+
 namespace vio {
 
 using Eigen::MatrixXd;
@@ -39,12 +41,18 @@ void ErrorsInVariables::update_core(const CoreMatrix& reduction) {
     transition_ = (reduction * transition_).eval();
 }
 
-void ErrorsInVariables::settle(const Eigen::Ref<const MatrixXd>& P) {
+void ErrorsInVariables::settle(const blas::ConstMatrix& P) {
     const Eigen::Index rest = C_.rows() - kSize;
     auto C_cr = C_.topRightCorner(kSize, rest);
     auto C_rc = C_.bottomLeftCorner(rest, kSize);
-    C_cr = (transition_ * C_cr + coupling_ * P).eval();
-    C_rc = (C_rc * transition_.transpose()).eval();
+    MatrixXd before = C_rc, after = MatrixXd::Zero(rest, kSize);
+    blas::add_product(1, before, transition_, after);
+    C_rc = after;
+    transpose(C_cr, before);
+    after.setZero();
+    blas::add_product(1, before, transition_, after);
+    blas::add_product(1, P, coupling_, after);
+    transpose(after, C_cr);
     transition_.setIdentity();
     coupling_.setZero();
 }
@@ -81,15 +89,16 @@ void ErrorsInVariables::add(int at, int by, const Vector6d& rate) {
 void ErrorsInVariables::reanchor(int at, int from, int to, int mount, int mounted,
                                  const MovedPoint& J) {
     const auto J_camera = J.J_camera.leftCols(mounted);
-    C_.middleRows<3>(at) =
-        (J.J_point * C_.middleRows<3>(at) + J.J_from * C_.middleRows<6>(from) +
-         J.J_to * C_.middleRows<6>(to) + J_camera * C_.middleRows(mount, mounted))
-            .eval();
-    C_.middleCols<3>(at) =
-        (C_.middleCols<3>(at) * J.J_point.transpose() +
-         C_.middleCols<6>(from) * J.J_from.transpose() + C_.middleCols<6>(to) * J.J_to.transpose() +
-         C_.middleCols(mount, mounted) * J_camera.transpose())
-            .eval();
+    const MatrixXd rows = J.J_point.lazyProduct(C_.middleRows<3>(at)) +
+                          J.J_from.lazyProduct(C_.middleRows<6>(from)) +
+                          J.J_to.lazyProduct(C_.middleRows<6>(to)) +
+                          J_camera.lazyProduct(C_.middleRows(mount, mounted));
+    C_.middleRows<3>(at) = rows;
+    const MatrixXd columns = C_.middleCols<3>(at).lazyProduct(J.J_point.transpose()) +
+                             C_.middleCols<6>(from).lazyProduct(J.J_from.transpose()) +
+                             C_.middleCols<6>(to).lazyProduct(J.J_to.transpose()) +
+                             C_.middleCols(mount, mounted).lazyProduct(J_camera.transpose());
+    C_.middleCols<3>(at) = columns;
 }
 
 void ErrorsInVariables::carry(int at, const Carrier& T) {
@@ -97,15 +106,12 @@ void ErrorsInVariables::carry(int at, const Carrier& T) {
     carry_rows(C_.middleRows(at, T.rows()), T);
 }
 
-// (I - W X^T) C (I - X W^T) with X^T = L^-1 H.
-void ErrorsInVariables::update(const blas::ConstMatrix& W, const blas::ConstMatrix& L,
-                               const TimesHt& times_Ht) {
-    MatrixXd CtX = times_Ht(C_.transpose());
-    blas::divide(L, CtX);
-    blas::add_product(-1, W, CtX, C_);
-    MatrixXd CX = times_Ht(C_);
-    blas::divide(L, CX);
-    blas::add_product(-1, CX, W, C_);
+// (I - K H) C (I - K H)^T.
+void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& times_Ht) {
+    MatrixXd C_transposed(C_.cols(), C_.rows());
+    transpose(C_, C_transposed);
+    blas::add_product(-1, gain, times_Ht(C_transposed), C_);
+    blas::add_product(-1, times_Ht(C_), gain, C_);
 }
 
 }  // namespace vio

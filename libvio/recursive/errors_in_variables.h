@@ -43,9 +43,9 @@ class ErrorsInVariables {
     void propagate(const CoreMatrix& transition, const CoreMatrix& noise, const CoreMatrix& P);
     /// The core was measured: its errors become `reduction` times what they were, and noise.
     void update_core(const CoreMatrix& reduction);
-    /// Carries what the core did since the last call over to the other errors. P: covariance of the
-    /// core with these at the last call.
-    void settle(const Eigen::Ref<const Eigen::MatrixXd>& P);
+    /// Carries what the core did since the last call over to the other errors. P: covariance of
+    /// these with the core at the last call.
+    void settle(const blas::ConstMatrix& P);
     /// The core's pose becomes the clone at an offset; inserted: the clone is new.
     void clone(int at, bool inserted);
     /// Adds errors that are G times those from `first` on, and noise.
@@ -60,10 +60,10 @@ class ErrorsInVariables {
     void truncate(int size) { C_.conservativeResize(size, size); }
     /// Errors from `at` on become T times what they were.
     void carry(int at, const Carrier& T);
-    /// Errors were measured: they become (I - W L^-1 H) times what they were, and noise, with
-    /// S = L L^T and W = P H^T L^-T. times_Ht: gives M H^T.
+    /// Errors were measured, residual H e + unit noise: they become (I - gain H) times what they
+    /// were, and noise. times_Ht: gives M H^T.
     using TimesHt = std::function<Eigen::MatrixXd(const Eigen::MatrixXd& M)>;
-    void update(const blas::ConstMatrix& W, const blas::ConstMatrix& L, const TimesHt& times_Ht);
+    void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht);
 
  private:
     Eigen::MatrixXd C_;

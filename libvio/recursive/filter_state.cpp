@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "libvio/geometry/so3.h"
+#include "libvio/recursive/transpose.h"
 
 namespace vio {
 
@@ -184,8 +185,9 @@ CoreMatrix FilterState::core_carrier(const Eigen::Ref<const VectorXd>& delta,
 
 void FilterState::settle() {
     if (!waiting_.any) return;
+    const blas::Serial serial;
     const int c = core_size_, rest = size_ - c;
-    if (in_variables_) in_variables_->settle(P_.block(0, c, c, in_variables_->size() - c));
+    if (in_variables_) in_variables_->settle(P_.block(c, 0, in_variables_->size() - c, c));
     if (rest > 0) {
         auto P_rc = P_.block(c, 0, rest, c);
         auto P_cr = P_.block(0, c, c, rest);
@@ -195,9 +197,10 @@ void FilterState::settle() {
             const MatrixXd A = P_rc * waiting_.information;
             P_.block(c, c, rest, rest).noalias() -= A * P_cr;
         }
-        const MatrixXd moved_P_cr = waiting_.transition * P_cr;
-        P_cr = moved_P_cr;
-        P_rc = moved_P_cr.transpose();
+        MatrixXd moved_P_rc = MatrixXd::Zero(rest, c);
+        blas::add_product(1, P_rc, waiting_.transition, moved_P_rc);
+        P_rc = moved_P_rc;
+        transpose(moved_P_rc, P_cr);
         if (waiting_.measured) correct(delta);
     }
     waiting_.any = waiting_.measured = false;
@@ -275,16 +278,17 @@ void FilterState::reanchor(int idx, int slot, const MovedPoint& moved) {
     LandmarkState& landmark = landmarks_[idx];
     const int own = landmark_offset(idx), from = clone_offset(landmark.anchor),
               to = clone_offset(slot), mounted = mount_size_ > 0 ? 6 : 0;
-    const auto product = [&](const auto& columns_of) -> MatrixXd {
-        return moved.J_point * columns_of(own, 3) + moved.J_from * columns_of(from, 6) +
-               moved.J_to * columns_of(to, 6) +
-               moved.J_camera.leftCols(mounted) * columns_of(mount_offset(), mounted);
-    };
-    const MatrixXd rows = product([&](int at, int n) { return P_.block(at, 0, n, size_); });
+    MatrixXd columns = P_.block(0, own, size_, 3).lazyProduct(moved.J_point.transpose());
+    columns += P_.block(0, from, size_, 6).lazyProduct(moved.J_from.transpose());
+    columns += P_.block(0, to, size_, 6).lazyProduct(moved.J_to.transpose());
+    columns += P_.block(0, mount_offset(), size_, mounted)
+                   .lazyProduct(moved.J_camera.leftCols(mounted).transpose());
     const Matrix3d variance =
-        product([&](int at, int n) -> MatrixXd { return rows.middleCols(at, n).transpose(); });
-    P_.block(own, 0, 3, size_) = rows;
-    P_.block(0, own, size_, 3) = rows.transpose();
+        moved.J_point * columns.middleRows<3>(own) + moved.J_from * columns.middleRows<6>(from) +
+        moved.J_to * columns.middleRows<6>(to) +
+        moved.J_camera.leftCols(mounted) * columns.middleRows(mount_offset(), mounted);
+    P_.block(0, own, size_, 3) = columns;
+    transpose(columns, P_.block(own, 0, 3, size_));
     P_.block<3, 3>(own, own) = 0.5 * (variance + variance.transpose());
     if (in_variables_ && own < in_variables_->size())
         in_variables_->reanchor(own, from, to, mount_offset(), mounted, moved);

@@ -250,6 +250,7 @@ class FilterState {
 
     // Work space of updates. H has rows J + u s^T (u empty: J), where s reads the scale's error.
     Eigen::MatrixXd PHt_;            // P H^T, then W = P H^T L^-T
+    Eigen::MatrixXd HP_;             // its transpose
     Eigen::MatrixXd S_, L_;          // innovation covariance and its factor, lower triangles
     Eigen::VectorXd u_, P_reading_;  // P s
 };

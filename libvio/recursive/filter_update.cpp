@@ -3,6 +3,7 @@
 
 #include "libvio/geometry/so3.h"
 #include "libvio/recursive/filter_state.h"
+#include "libvio/recursive/transpose.h"
 
 namespace vio {
 
@@ -65,17 +66,10 @@ void FilterState::gain(const std::vector<PointRows>& rows) {
     S_.resize(m, m);
     u_.resize(0);
     for (int i = 0; i < m / 2; ++i) project(rows[i], 2 * i);
-    for (int i = 0; i < m / 2; ++i) {
-        const PointRows& row = rows[i];
-        const int anchor = clone_offset(landmarks_[row.landmark_idx].anchor),
-                  landmark = landmark_offset(row.landmark_idx), columns = 2 * i + 2;
-        auto S_row = S_.block(2 * i, 0, 2, columns);
-        S_row.noalias() = row.J_pose.lazyProduct(PHt_.block(clone_offset(row.slot), 0, 6, columns));
-        if (mount_size_ > 0)
-            S_row.noalias() += row.J_camera.lazyProduct(PHt_.block(mount_offset(), 0, 6, columns));
-        S_row.noalias() += row.J_anchor.lazyProduct(PHt_.block(anchor, 0, 6, columns));
-        S_row.noalias() += row.J_landmark.lazyProduct(PHt_.block(landmark, 0, 3, columns));
-    }
+    HP_.resize(m, size_);
+    transpose(PHt_, HP_);
+    for (int i = 0; i < m; i += 2)
+        combine(HP_.bottomRows(m - i), rows[i / 2], &S_(i, i), &S_(i, i + 1));
     S_.diagonal().array() += 1;
 }
 
@@ -153,9 +147,8 @@ void FilterState::reduce_covariance(const std::vector<PointRows>& rows, const Ve
 
 // Upper triangle from the lower, for columns from `at` on.
 void FilterState::fill_upper(int at, int count) {
-    P_.block(0, at, at, count) = P_.block(at, 0, count, at).transpose();
-    auto own = P_.block(at, at, count, count);
-    own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
+    transpose(P_.block(at, 0, count, at), P_.block(0, at, at, count));
+    mirror_lower(P_.block(at, at, count, count));
 }
 
 // Errors of a pose at the prior moved by delta, from those at the prior; see the header's head.
@@ -320,8 +313,9 @@ void FilterState::doubt_sensitivity() {
 // For the update whose factors are in the work space.
 template <typename Rows>
 void FilterState::update_sensitivity(const Rows& H) {
-    in_variables_->update(PHt_.topRows(in_variables_->size()), L_,
-                          [&](const MatrixXd& M) { return times_transpose(M, H); });
+    auto gain = PHt_.topRows(in_variables_->size());
+    blas::divide_by_transpose(L_, gain);
+    in_variables_->update(gain, [&](const MatrixXd& M) { return times_transpose(M, H); });
 }
 
 // Moves the mean, and the covariance with it, of which the lower triangle is read: P <- T P T^T

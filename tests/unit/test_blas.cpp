@@ -26,6 +26,9 @@ TEST(Blas, FactorizesAPanelAndDividesByTheFactor) {
     MatrixXd rows = A.bottomRows(kBelow);
     blas::divide(panel.topRows(kSquare), rows);
     EXPECT_LT((rows - panel.bottomRows(kBelow)).norm(), 1e-10 * rows.norm());
+    rows = A.bottomRows(kBelow);
+    blas::divide_by_transpose(panel.topRows(kSquare), rows);
+    EXPECT_LT((rows * L - A.bottomRows(kBelow)).norm(), 1e-10 * A.norm());
     A(100, 100) = -1;
     EXPECT_FALSE(blas::factorize(A));
 }
