@@ -29,8 +29,8 @@ class Run : public ::testing::Test {
 // start, and its own reason is told.
 TEST_F(Run, BatchThatFailsSaysWhy) {
     const ProgramResult result = run("run " + kDemo +
-                                     " --estimator batch --start staged --set "
-                                     "batch.sigma_px=0.001 --to 3 -o " +
+                                     " --estimator batch --start blind --set "
+                                     "batch.sigma_px=0.001 --to 1.5 -o " +
                                      (scratch_ / "out"));
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_NE(result.err.find("no pose could be estimated"), std::string::npos) << result.err;
