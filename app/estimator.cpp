@@ -88,7 +88,10 @@ class Recursive final : public Estimator {
 
     void add(const ImuReading& reading) override { filter_.add(reading); }
     void add(const FeatureFrame& frame) override { filter_.add(frame); }
-    void finish() override { filter_.finish(); }
+    void finish() override {
+        filter_.finish();
+        rig_ = filter_.refined_rig();
+    }
 
     Estimate take() override {
         Estimate piece = filter_.take();
@@ -102,13 +105,14 @@ class Recursive final : public Estimator {
     std::vector<StatusEntry> events() const override { return filter_.status(); }
     bool converged() const override { return started_; }
     int iterations() const override { return 0; }
-    const RefinedRig* refined_rig() const override { return nullptr; }
+    const RefinedRig* refined_rig() const override { return rig_ ? &*rig_ : nullptr; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
     std::vector<PredictedFeature> predict(TimeNs t) const override { return filter_.predict(t); }
 
  private:
     Iekf filter_;
     bool started_ = false;
+    std::optional<RefinedRig> rig_;
 };
 
 }  // namespace

@@ -183,6 +183,7 @@ class Course {
           queue_(from_seconds(request.options.iekf.message_window), request.use_imu),
           early_check_(request, rig, report),
           use_imu_(request.use_imu),
+          is_batch_(request.estimator == "batch"),
           has_tracks_(has_tracks),
           time_offset_(from_seconds(rig.time_offset)),
           report_(report) {
@@ -210,7 +211,8 @@ class Course {
         feeder_.finish();
         timed(report_.estimation_s, [&] { estimator_->finish(); });
         if (const RefinedRig* refined = estimator_->refined_rig()) {
-            output_.set_rig(refined->rig);
+            // The filter's mount also takes up what its model leaves out: no calibration.
+            if (is_batch_) output_.set_rig(refined->rig);
             for (const RefinedRig::Unknown& unknown : refined->unknowns)
                 if (unknown.stated_sigma > 0) report_.rig.push_back(unknown);
         }
@@ -255,7 +257,7 @@ class Course {
     Feeder feeder_;
     MessageQueue<TimedMessage> queue_;
     EarlyCheck early_check_;
-    bool use_imu_, has_tracks_;
+    bool use_imu_, is_batch_, has_tracks_;
     TimeNs time_offset_;
     RunReport& report_;
 };

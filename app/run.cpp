@@ -1,4 +1,5 @@
 // vio-slam run: the motion behind a rawlog.
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -9,6 +10,7 @@
 #include "app/commands.h"
 #include "app/files.h"
 #include "app/pipeline.h"
+#include "libvio/base/angles.h"
 #include "libvio/io/mapping_application.h"
 
 namespace vio::app {
@@ -52,6 +54,25 @@ std::string sigma_text(double sigma) {
     return text;
 }
 
+// The filter's: what it holds of the camera's mount, in a line.
+void print_mount(const std::vector<RefinedRig::Unknown>& mount) {
+    double rotation = 0, position = 0, offset = 0;
+    for (const RefinedRig::Unknown& unknown : mount)
+        (unknown.unit == "rad" ? rotation
+         : unknown.unit == "m" ? position
+                               : offset) += unknown.change * unknown.change;
+    if (mount.empty()) return;
+    std::printf("mount       %.2f deg and %.1f mm from what is stated, clock %.2f ms\n",
+                std::sqrt(rotation) / kDegree, 1e3 * std::sqrt(position), 1e3 * std::sqrt(offset));
+}
+
+void print_rig(const std::vector<RefinedRig::Unknown>& rig) {
+    for (const RefinedRig::Unknown& unknown : rig)
+        std::printf("%-12s%-11s %+.4g +- %s %s from what is stated (+- %.2g)\n",
+                    &unknown == &rig.front() ? "rig" : "", unknown.name.c_str(), unknown.change,
+                    sigma_text(unknown.sigma).c_str(), unknown.unit.c_str(), unknown.stated_sigma);
+}
+
 void print(const RunReport& r, const RunRequest& request) {
     std::printf("images      %d over %.2f s, %d IMU readings\n", r.images, r.duration_s,
                 r.imu_readings);
@@ -65,10 +86,10 @@ void print(const RunReport& r, const RunRequest& request) {
     std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
-    for (const RefinedRig::Unknown& unknown : r.rig)
-        std::printf("%-12s%-11s %+.4g +- %s %s from what is stated (+- %.2g)\n",
-                    &unknown == &r.rig.front() ? "rig" : "", unknown.name.c_str(), unknown.change,
-                    sigma_text(unknown.sigma).c_str(), unknown.unit.c_str(), unknown.stated_sigma);
+    if (request.estimator == "batch")
+        print_rig(r.rig);
+    else
+        print_mount(r.rig);
     for (const StatusEntry& event : r.events)
         std::printf("            %.3f s: %s\n", to_seconds(event.t), event.text.c_str());
     if (r.lost_poses > 0) std::printf("lost        track of %d of these poses\n", r.lost_poses);

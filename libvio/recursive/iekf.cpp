@@ -45,6 +45,7 @@ Rig checked(Rig rig) {
 
 Iekf::Impl::Impl(const Rig& r, const IekfOptions& o, const BatchOptions& batch, bool imu)
     : rig(checked(r)),
+      stated_T_I_C(rig.T_I_C()),
       stated_offset(from_seconds(rig.time_offset)),
       options(o),
       use_imu(imu),

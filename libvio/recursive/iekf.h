@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -104,6 +105,11 @@ class Iekf {
     std::vector<PredictedFeature> predict(TimeNs t) const;
 
     const std::vector<StatusEntry>& status() const;
+
+    /// The rig with the camera's mount and clock as estimated last, and how far that is from what
+    /// was stated. Nothing before the start, and where the options say that they are exact. Call
+    /// after finish().
+    std::optional<RefinedRig> refined_rig() const;
 
     /// For diagnosis: the filter's state; null before the start.
     const FilterState* state();

@@ -92,6 +92,7 @@ struct Iekf::Impl {
     TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
 
     Rig rig;  // its mount as estimated last
+    const Pose stated_T_I_C;
     const TimeNs stated_offset;
     IekfOptions options;
     bool use_imu;

@@ -75,6 +75,26 @@ void Iekf::Impl::report(TimeNs t, int features) {
     }
 }
 
+std::optional<RefinedRig> Iekf::refined_rig() const {
+    const Impl& f = *impl_;
+    if (!f.state || f.state->mount_size() == 0) return std::nullopt;
+    RefinedRig refined{f.rig, {}, f.known_mount().covariance};
+    Eigen::Matrix<double, kMountSize, 1> change, stated;
+    change << f.rig.T_I_C().boxminus(f.stated_T_I_C),
+        f.rig.time_offset - to_seconds(f.stated_offset);
+    stated << Vector3d::Constant(f.options.camera_rotation_sigma),
+        Vector3d::Constant(f.options.camera_position_sigma), f.options.time_offset_sigma;
+    const char* const names[] = {"rotation x", "rotation y", "rotation z", "position x",
+                                 "position y", "position z", "time offset"};
+    for (int k = 0; k < kMountSize; ++k)
+        refined.unknowns.push_back({names[k],
+                                    k < 3   ? "rad"
+                                    : k < 6 ? "m"
+                                            : "s",
+                                    change(k), std::sqrt(refined.covariance(k, k)), stated(k)});
+    return refined;
+}
+
 // A new key-frame where the image shows too little of the last one, and before the last one's clone
 // is released: the motion between them then follows from the joint covariance of their clones.
 void Iekf::Impl::follow_keyframes(const FeatureFrame& frame) {

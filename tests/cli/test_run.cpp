@@ -64,6 +64,24 @@ TEST_F(Run, DamageBehindThePartIsNotReached) {
     EXPECT_GT(summary(scratch_ / "part")["images"], 60);
 }
 
+// The clock is stated 4 ms off: the filter finds that and says so; what it was told stays as it
+// was.
+TEST_F(Run, TheFilterTellsTheMountThatItFound) {
+    const std::string calibration = scratch_ / "late.ini", out = scratch_ / "out";
+    std::ofstream(calibration) << "[imu]\ntime_offset_s = 0.004\n";
+    const ProgramResult result =
+        run("run " + kDemo + " --calibration " + calibration + " -o " + out);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("mount "), std::string::npos) << result.out;
+    const nlohmann::json rig = summary(out)["rig"];
+    ASSERT_EQ(rig.size(), 7u);
+    EXPECT_EQ(rig[6]["name"], "time offset");
+    const double sigma = rig[6]["sigma"].get<double>();
+    EXPECT_LT(sigma, 0.001);
+    EXPECT_NEAR(rig[6]["change"].get<double>(), -0.004, 4 * sigma);
+    EXPECT_NE(read_text(out + "/calibration.ini").find("time_offset_s = 0.004"), std::string::npos);
+}
+
 TEST_F(Run, OptionsOfTheOtherEstimatorAreRefused) {
     for (const char* options : {"--estimator batch --every-reading", "--start staged"}) {
         const ProgramResult result =
