@@ -5,6 +5,7 @@
 #include <sstream>
 #include <utility>
 
+#include "libvio/batch/rig_refinement.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/io/results.h"
 
@@ -120,9 +121,7 @@ class Recursive final : public Estimator {
 std::unique_ptr<Estimator> make_estimator(const RunRequest& request, const Rig& rig) {
     const PipelineOptions& options = request.options;
     if (request.estimator == "batch") return std::make_unique<Batch>(request, rig);
-    const BatchOptions& batch = options.batch;
-    if (batch.intrinsics_sigma > 0 || batch.extrinsics_rotation_sigma > 0 ||
-        batch.extrinsics_position_sigma > 0 || batch.time_offset_sigma > 0)
+    if (batch::rig_unknowns(rig, options.batch).count() > 0)
         throw InputError(
             "options: batch.intrinsics_sigma, extrinsics_*_sigma and time_offset_sigma act with "
             "--estimator batch; the recursive estimator has iekf.camera_rotation_sigma, "

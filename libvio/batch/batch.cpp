@@ -81,7 +81,8 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
         report.scale_sigma = found.scale_sigma;
         report.undetermined = found.undetermined;
         if (course.rig && !equations.rig_solution())
-            report.undetermined.emplace_back("the rig's parts that are left open");
+            report.undetermined.push_back("the rig's " +
+                                          course.rig->names()[equations.weakest_rig_unknown()]);
     }
     if (report.undetermined.empty()) return;
     report.converged = false;
@@ -95,18 +96,16 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
 BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& options,
                            const std::optional<Estimate>& start, bool want_tail) {
     const auto began = Clock::now();
-    if (given.imu.empty() &&
-        (options.extrinsics_rotation_sigma > 0 || options.extrinsics_position_sigma > 0 ||
-         options.time_offset_sigma > 0))
+    const RigUnknowns open = rig_unknowns(given.rig, options);
+    if (given.imu.empty() && (open.extrinsics || open.time_offset))
         throw InputError(
             "batch estimator: images alone tell neither the camera's place on the IMU nor their "
-            "time "
-            "offset; leave batch.extrinsics_rotation_sigma, extrinsics_position_sigma and "
+            "time offset; leave batch.extrinsics_rotation_sigma, extrinsics_position_sigma and "
             "time_offset_sigma out");
     std::optional<BatchProblem> rest;
     if (given.imu.empty())
         rest = without_unseeing_images(given);
-    else if (options.time_offset_sigma > 0)
+    else if (open.time_offset)
         rest = without_images_at_ends(given, options.time_offset_sigma);
     const BatchProblem& problem = rest ? *rest : given;
 

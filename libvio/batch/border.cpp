@@ -40,11 +40,6 @@ MatrixXd NormalEquations::rig_information(const MatrixXd& columns, const MatrixX
     return H;
 }
 
-MatrixXd NormalEquations::rig_information() const {
-    const MatrixXd columns = reduced_rig();
-    return rig_information(columns, factor_.solve(columns));
-}
-
 // Adds to the step of the reduced unknowns, which stands for the rig as it is.
 bool NormalEquations::solve_rig(Step& step) const {
     const MatrixXd columns = reduced_rig(), solved = factor_.solve(columns);
@@ -64,16 +59,20 @@ bool NormalEquations::solve_rig(Step& step) const {
 }
 
 void NormalEquations::solve_rig_covariance() {
+    constexpr double kSmallest = 1e-13;  // share of the information that survives elimination
     const MatrixXd columns = reduced_rig(), solved = factor_.solve(columns);
     // In unknowns scaled to unit information, as their units differ by orders.
     const VectorXd scale = rig->H.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::LLT<MatrixXd> llt(scale.asDiagonal() * rig_information(columns, solved) *
-                                   scale.asDiagonal());
-    if (llt.info() != Eigen::Success) return;
+    const MatrixXd scaled =
+        scale.asDiagonal() * rig_information(columns, solved) * scale.asDiagonal();
+    if (!scaled.allFinite()) return;
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+    Index weakest = 0;
+    eigen.eigenvectors().col(0).cwiseAbs().maxCoeff(&weakest);
+    weakest_rig_unknown_ = static_cast<int>(weakest);
+    if (!(eigen.eigenvalues()(0) > kSmallest)) return;
     BorderSolution& solution = rig_solution_.emplace();
-    solution.covariance = scale.asDiagonal() *
-                          llt.solve(MatrixXd::Identity(scale.size(), scale.size())) *
-                          scale.asDiagonal();
+    solution.covariance = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
     solution.reduced = -solved;
     solution.points.resize(rig->points.rows(), rig->points.cols());
     for (size_t j = 0; j < V.size(); ++j) {

@@ -252,14 +252,14 @@ void start_staged(Course& course) {
 void minimize_all(Course& course) {
     const Stage stage{course.options.gravity == "free", course.options.loss};
     const MinimizeLimits limits{course.options.max_iterations, course.options.cost_tolerance};
-    if (const RigUnknowns unknowns = rig_unknowns(course.model, course.options);
+    if (const RigUnknowns unknowns = rig_unknowns(course.problem.rig, course.options);
         unknowns.count() > 0) {
         // Far from the solution a wrong rig would explain what wrong poses do.
         constexpr double kNearly = 1e-4;
         minimize_stage(course, stage, {limits.max_iterations, kNearly});
         free_trapped_points(course);
         course.rig.emplace(course.problem, course.model, unknowns,
-                           rig_sigmas(course.model, course.options));
+                           rig_sigmas(course.problem.rig, course.options));
     }
     minimize_stage(course, stage, limits);
     if (free_trapped_points(course)) minimize_stage(course, stage, limits);

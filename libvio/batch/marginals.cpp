@@ -1,44 +1,13 @@
 #include "libvio/batch/marginals.h"
 
-#include <cmath>
 #include <map>
 
+#include "libvio/batch/published_frame.h"
 #include "libvio/geometry/relative_pose.h"
 #include "libvio/geometry/so3.h"
 
 namespace vio::batch {
 namespace {
-
-// The solver's world frame W (first pose) seen from the published one W' (z up, first body pose at
-// the origin without yaw): p_W' = R p_W + p. Its tilt depends on the estimated gravity.
-struct Gauge {
-    Pose T_Wp_W;
-    bool depends_on_gravity = false;
-    Eigen::Matrix3d tilt_by_gravity = Eigen::Matrix3d::Zero();  // d(tilt, in W') / d g_W
-};
-
-Pose body_pose(const Model& model, const State& state, int frame) {
-    const InertialState& I = state.frames[frame].motion;
-    return Pose{I.R, I.p} * model.T_I_B;
-}
-
-Gauge make_gauge(const Model& model, const State& state) {
-    Gauge gauge;
-    if (model.surveyed()) return gauge;  // W is the survey's
-    const Pose first = body_pose(model, state, 0);
-    Eigen::Matrix3d R = first.R.transpose();
-    if (model.inertial) {
-        const Eigen::Vector3d down(0, 0, -1);
-        const Eigen::Matrix3d upright = so3::rotation_between(state.gravity, down);
-        const Eigen::Matrix3d R0 = upright * first.R;
-        R = so3::exp({0, 0, -std::atan2(R0(1, 0), R0(0, 0))}) * upright;
-        gauge.depends_on_gravity = true;
-        // Gravity moved by d must again point down: the tilt is z x (R d) / |g|.
-        gauge.tilt_by_gravity = so3::skew(Eigen::Vector3d::UnitZ()) * R / state.gravity.norm();
-    }
-    gauge.T_Wp_W = {R, -(R * first.p)};
-    return gauge;
-}
 
 // Nominal body state, and d(its 15 errors) / d(the solver's 15 errors of the frame, gravity 3).
 struct BodyState {
@@ -80,19 +49,7 @@ BodyState body_state(const Model& model, const State& state, const Gauge& gauge,
     return body;
 }
 
-// What the first order leaves out of an accelerometer bias's covariance. Without rotation only
-// bias + gravity is measured, and gravity's norm is known: the bias lies on a sphere around what is
-// measured, and erring by d across gravity means erring by |d|^2 / (2 |g|) along it. (2 tr(C^2) +
-// tr(C)^2 is the mean of |d|^4 for d of covariance C.) `g_I`: gravity in the IMU's frame.
-Eigen::Matrix3d curvature_of_bias(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& g_I) {
-    const Eigen::Vector3d along = g_I.normalized();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - along * along.transpose();
-    const Eigen::Matrix3d C = across * covariance * across;
-    const double fourth = 2 * (C * C).trace() + C.trace() * C.trace();
-    return along * along.transpose() * (fourth / (4 * g_I.squaredNorm()));
-}
-
-// Adds it to a covariance that begins with the 15 errors of a body state.
+// Adds that to a covariance that begins with the 15 errors of a body state.
 void add_curvature_of_bias(const Model& model, const Objective& objective, const State& state,
                            int frame, Eigen::Ref<Eigen::MatrixXd> covariance) {
     if (!model.inertial || objective.gravity_free()) return;
@@ -297,6 +254,13 @@ class Marginals {
     mutable std::map<std::pair<int, int>, Eigen::MatrixXd> pairs_;
 };
 
+// Position and velocity of a body.
+Vector6d position_and_velocity(const StateEstimate& e) {
+    Vector6d vectors;
+    vectors << e.T_W_B.p, e.v_W;
+    return vectors;
+}
+
 // d(point in W') / d(gravity) given the point in W'.
 Eigen::Matrix3d point_by_gravity(const Gauge& gauge, const Eigen::Vector3d& p_Wp) {
     return -so3::skew(p_Wp) * gauge.tilt_by_gravity;
@@ -339,7 +303,13 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
         BodyState body = body_state(model, state, gauge, i);
         if (marginals) {
             Matrix15d& covariance = body.estimate.covariance;
-            covariance = body.J * marginals->frame_and_gravity(i) * body.J.transpose();
+            const Eigen::Matrix<double, 18, 18> S = marginals->frame_and_gravity(i);
+            covariance = body.J * S * body.J.transpose();
+            if (gauge.depends_on_gravity)
+                covariance.block<6, 6>(kPosition, kPosition) +=
+                    Turning<6>(gauge, position_and_velocity(body.estimate),
+                               body.J.middleRows<6>(kPosition), S, 15)
+                        .second_moment();
             add_curvature_of_bias(model, objective, state, i, covariance);
         }
         body.estimate.features = features[i];
@@ -357,10 +327,14 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
             const auto [S, cross] = marginals->point(static_cast<int>(j));
             const Eigen::Matrix3d J = point_by_gravity(gauge, landmark.p_W);
             landmark.covariance = A * S * A.transpose();
-            if (model.inertial) {
-                const Eigen::Matrix3d mixed = A * cross * J.transpose();
-                landmark.covariance +=
-                    mixed + mixed.transpose() + J * marginals->gravity() * J.transpose();
+            if (gauge.depends_on_gravity) {
+                Eigen::Matrix<double, 3, 6> J_all;
+                J_all << A, J;
+                Matrix6d joint;
+                joint << S, cross, cross.transpose(), marginals->gravity();
+                landmark.covariance =
+                    J_all * joint * J_all.transpose() +
+                    Turning<3>(gauge, landmark.p_W, J_all, joint, 3).second_moment();
             }
         }
         estimate.landmarks.push_back(landmark);
@@ -370,6 +344,29 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
             model, state, marginals ? &*marginals : nullptr, keyframes[k - 1], keyframes[k]));
     return estimate;
 }
+
+namespace {
+
+// Adds what turns to the covariance of a tail, errors J x with x of covariance S.
+void add_turning(const Gauge& gauge, const Eigen::MatrixXd& J, const Eigen::MatrixXd& S,
+                 BatchTail& tail) {
+    if (!gauge.depends_on_gravity) return;
+    const Eigen::Index points = 3 * static_cast<Eigen::Index>(tail.landmarks.size());
+    Eigen::VectorXd vectors(6 + points);
+    vectors.head<6>() = position_and_velocity(tail.state);
+    for (size_t a = 0; a < tail.landmarks.size(); ++a)
+        vectors.segment<3>(6 + 3 * static_cast<Eigen::Index>(a)) = tail.landmarks[a].p_W;
+    Eigen::MatrixXd J_turning(6 + points, J.cols());
+    J_turning << J.middleRows<6>(kPosition), J.bottomRows(points);
+    const Eigen::MatrixXd moment =
+        Turning<Eigen::Dynamic>(gauge, vectors, J_turning, S, 15).second_moment();
+    tail.covariance.block<6, 6>(kPosition, kPosition) += moment.topLeftCorner<6, 6>();
+    tail.covariance.block(kPosition, 15, 6, points) += moment.topRightCorner(6, points);
+    tail.covariance.block(15, kPosition, points, 6) += moment.bottomLeftCorner(points, 6);
+    tail.covariance.bottomRightCorner(points, points) += moment.bottomRightCorner(points, points);
+}
+
+}  // namespace
 
 std::optional<BatchTail> publish_tail(const Model& model, const Objective& objective,
                                       const State& state, NormalEquations& equations) {
@@ -433,6 +430,7 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
     if (with_rig.size() > 0) tail.with_rig = J * with_rig;
     tail.covariance = (0.5 * (tail.covariance + tail.covariance.transpose())).eval();
     add_curvature_of_bias(model, objective, state, last, tail.covariance);
+    add_turning(gauge, J, joint, tail);
     tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
     for (int a = 0; a < n; ++a)
         tail.landmarks[a].covariance = tail.covariance.block<3, 3>(15 + 3 * a, 15 + 3 * a);

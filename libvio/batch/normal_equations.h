@@ -72,10 +72,11 @@ class NormalEquations {
     /// Factorisation of the reduced system, for covariances. Damped: see solve().
     bool factorize(double lambda = 0);
     const BlockCholesky& factor() const { return factor_; }
-    /// Information of the rig's unknowns, all others eliminated; after factorize().
-    Eigen::MatrixXd rig_information() const;
     /// After factorize(); empty where the rig has no unknowns or they are not determined.
     const std::optional<BorderSolution>& rig_solution() const { return rig_solution_; }
+    /// The unknown of the rig that is determined least, against what it would be were all else
+    /// known; after factorize().
+    int weakest_rig_unknown() const { return weakest_rig_unknown_; }
     /// Covariance of E^T x for the reduced unknowns x, what the rig's add included.
     Eigen::MatrixXd covariance(const Eigen::MatrixXd& E) const;
     /// V^-1 of an eliminated point.
@@ -101,6 +102,7 @@ class NormalEquations {
     std::vector<Eigen::Matrix3d> V_root_;  // Q with V^-1 = Q Q^T
     Eigen::VectorXd damping_;              // of each scalar unknown
     std::optional<BorderSolution> rig_solution_;
+    int weakest_rig_unknown_ = 0;
     double lambda_ = 0;
 };
 

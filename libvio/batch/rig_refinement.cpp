@@ -136,23 +136,23 @@ void RigRefinement::take_back(Objective& objective) {
     set(rig_, objective);
 }
 
-RigUnknowns rig_unknowns(const Model& model, const BatchOptions& options) {
+RigUnknowns rig_unknowns(const Rig& rig, const BatchOptions& options) {
     RigUnknowns unknowns;
-    unknowns.extrinsics = model.inertial && (options.extrinsics_rotation_sigma > 0 ||
-                                             options.extrinsics_position_sigma > 0);
-    unknowns.time_offset = model.inertial && options.time_offset_sigma > 0;
+    unknowns.extrinsics =
+        options.extrinsics_rotation_sigma > 0 || options.extrinsics_position_sigma > 0;
+    unknowns.time_offset = options.time_offset_sigma > 0;
     // A third radial coefficient that is stated to be zero is hardly ever known to be.
     constexpr int kRadialAndTangential = 5;
-    if (options.intrinsics_sigma > 0)
+    if (options.intrinsics_sigma > 0 && rig.camera)
         unknowns.intrinsics =
-            4 + (model.camera->model_name() == "perspective"
-                     ? std::max(kRadialAndTangential, distortion_count(*model.camera))
-                     : distortion_count(*model.camera));
+            4 + (rig.camera->model_name() == "perspective"
+                     ? std::max(kRadialAndTangential, distortion_count(*rig.camera))
+                     : distortion_count(*rig.camera));
     return unknowns;
 }
 
-VectorXd rig_sigmas(const Model& model, const BatchOptions& options) {
-    const RigUnknowns unknowns = rig_unknowns(model, options);
+VectorXd rig_sigmas(const Rig& rig, const BatchOptions& options) {
+    const RigUnknowns unknowns = rig_unknowns(rig, options);
     VectorXd sigmas(unknowns.count());
     if (unknowns.extrinsics) {
         sigmas.head<3>().setConstant(kDegree * options.extrinsics_rotation_sigma);
@@ -160,7 +160,7 @@ VectorXd rig_sigmas(const Model& model, const BatchOptions& options) {
     }
     if (unknowns.time_offset) sigmas(unknowns.extrinsics ? 6 : 0) = options.time_offset_sigma;
     if (const int n = unknowns.intrinsics; n > 0)
-        sigmas.tail(n) = intrinsic_sigmas(*model.camera, n, options.intrinsics_sigma);
+        sigmas.tail(n) = intrinsic_sigmas(*rig.camera, n, options.intrinsics_sigma);
     return sigmas.cwiseMax(kKnown);
 }
 

@@ -49,8 +49,8 @@ class RigRefinement {
     Rig stated_, rig_, before_;
 };
 
-/// The unknowns that the options name, and the standard deviations of what is stated of them.
-RigUnknowns rig_unknowns(const Model& model, const BatchOptions& options);
-Eigen::VectorXd rig_sigmas(const Model& model, const BatchOptions& options);
+/// The unknowns that the options leave open, and the standard deviations of what is stated of them.
+RigUnknowns rig_unknowns(const Rig& rig, const BatchOptions& options);
+Eigen::VectorXd rig_sigmas(const Rig& rig, const BatchOptions& options);
 
 }  // namespace vio::batch

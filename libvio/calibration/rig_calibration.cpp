@@ -118,17 +118,10 @@ class Calibrator {
         const char* const kOpen = "calibration: the measurements do not determine ";
         if (!equations_.factorize())
             throw InputError(std::string(kOpen) + "the motion; check the board's points and ids");
-        const Eigen::MatrixXd H = equations_.rig_information();
-        const Eigen::VectorXd scale = equations_.rig->H.diagonal().cwiseSqrt().cwiseInverse();
-        const Eigen::MatrixXd scaled = scale.asDiagonal() * H * scale.asDiagonal();
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-        Eigen::Index worst = 0;
-        eigen.eigenvectors().col(0).cwiseAbs().maxCoeff(&worst);
-        constexpr double kSmallest = 1e-13;  // share of the information that survives elimination
-        if (!scaled.allFinite() || !(eigen.eigenvalues()(0) > kSmallest))
-            throw InputError(kOpen + result.names[worst] +
+        if (!equations_.rig_solution())
+            throw InputError(kOpen + result.names[equations_.weakest_rig_unknown()] +
                              "; move the camera more, about all its axes");
-        return scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
+        return equations_.rig_solution()->covariance;
     }
 
     BatchOptions options_;

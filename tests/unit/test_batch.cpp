@@ -6,6 +6,7 @@
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/start.h"
 #include "tests/simulated_batch.h"
+#include "tests/unit/dense_information.h"
 
 namespace vio::batch {
 namespace {
@@ -18,14 +19,6 @@ test::SimulatedRun short_run(double sigma_px = 1, bool noisy_imu = true) {
     options.sigma_px = sigma_px;
     if (!noisy_imu) options.noise = {1e-9, 1e-8, 1e-9, 1e-8, 0};
     return simulate_run(options);
-}
-
-Eigen::MatrixXd dense(BlockMatrix& A, int blocks) {
-    Eigen::MatrixXd D = Eigen::MatrixXd::Zero(A.size(), A.size());
-    for (int col = 0; col < blocks; ++col)
-        for (int row : A.rows(col))
-            D.block(A.offset(row), A.offset(col), A.dim(row), A.dim(col)) = A.block(row, col);
-    return D.selfadjointView<Eigen::Lower>();
 }
 
 // A matrix with low-rank terms, against dense algebra: solution, entries of the inverse, refusal of
@@ -62,7 +55,7 @@ TEST(BlockCholesky, SolvesAndInvertsAsADenseMatrixDoes) {
     }
     for (auto& x : b) random(x);
 
-    Eigen::MatrixXd S = dense(A, static_cast<int>(dims.size()));
+    Eigen::MatrixXd S = test::dense(A, static_cast<int>(dims.size()));
     S += d.asDiagonal();
     Eigen::VectorXd s = a;
     for (int k = 0; k < sets.count(); ++k) {
@@ -179,29 +172,12 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
     NormalEquations equations(model_, layout_);
     objective.linearize(state_, equations);
     const int n = equations.matrix.size(), m = static_cast<int>(model_.points.size());
-    const int blocks = static_cast<int>(layout_.block_dims().size());
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n + 3 * m, n + 3 * m);
+    const Eigen::MatrixXd H = test::dense_information(equations, model_);
     Eigen::VectorXd g(n + 3 * m);
-    H.topLeftCorner(n, n) = dense(equations.matrix, blocks);
     g.head(n) = equations.gradient;
-    for (int j = 0; j < m; ++j) {
-        H.block<3, 3>(n + 3 * j, n + 3 * j) = equations.V[j];
-        g.segment<3>(n + 3 * j) = equations.b[j];
-    }
-    for (size_t k = 0; k < model_.observations.size(); ++k) {
-        const Observation& o = model_.observations[k];
-        const int row = layout_.index(o.frame_idx, 0), col = n + 3 * o.point_idx;
-        H.block<6, 3>(row, col) += equations.W[k];
-        H.block<3, 6>(col, row) += equations.W[k].transpose();
-    }
-    // Border points stand in the reduced system: their own columns there are unused here.
-    for (int slot = 0; slot < layout_.border_points; ++slot) {
-        const int k = equations.matrix.offset(layout_.border_block(slot));
-        H.middleRows(k, 3).setZero();
-        H.middleCols(k, 3).setZero();
-        H.block<3, 3>(k, k).setIdentity();
-        g.segment<3>(k).setZero();
-    }
+    for (int j = 0; j < m; ++j) g.segment<3>(n + 3 * j) = equations.b[j];
+    for (int slot = 0; slot < layout_.border_points; ++slot)
+        g.segment<3>(equations.matrix.offset(layout_.border_block(slot))).setZero();
     const double lambda = 1e-3;
     using Damping = NormalEquations::PointDamping;
     for (const Damping damping : {Damping::alike, Damping::as_seen}) {

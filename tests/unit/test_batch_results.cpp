@@ -6,9 +6,12 @@
 
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
+#include "libvio/batch/published_frame.h"
+#include "libvio/batch/rig_refinement.h"
 #include "libvio/batch/start.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "tests/simulated_batch.h"
+#include "tests/unit/dense_information.h"
 
 namespace vio::batch {
 namespace {
@@ -31,28 +34,6 @@ BatchProblem surveyed_problem(const test::SimulatedRun& run) {
     return problem;
 }
 
-// Inverse of the whole information matrix: reduced unknowns, then all points.
-Eigen::MatrixXd dense_covariance(NormalEquations& equations, const Model& model) {
-    const Layout& layout = equations.layout();
-    const int n = equations.matrix.size(), m = static_cast<int>(model.points.size());
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
-    for (int col = 0; col < static_cast<int>(layout.block_dims().size()); ++col)
-        for (int row : equations.matrix.rows(col))
-            A.block(equations.matrix.offset(row), equations.matrix.offset(col),
-                    equations.matrix.dim(row), equations.matrix.dim(col)) =
-                equations.matrix.block(row, col);
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n + 3 * m, n + 3 * m);
-    H.topLeftCorner(n, n) = A.selfadjointView<Eigen::Lower>();
-    for (int j = 0; j < m; ++j) H.block<3, 3>(n + 3 * j, n + 3 * j) = equations.V[j];
-    for (size_t k = 0; k < model.observations.size(); ++k) {
-        const Observation& o = model.observations[k];
-        const int row = layout.index(o.frame_idx, 0), col = n + 3 * o.point_idx;
-        H.block<6, 3>(row, col) += equations.W[k];
-        H.block<3, 6>(col, row) += equations.W[k].transpose();
-    }
-    return H.inverse();
-}
-
 TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
     const auto run = test::simulate_run(short_run_options());
     const BatchProblem problem = surveyed_problem(run);
@@ -64,7 +45,7 @@ TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
     Objective objective(model, options, {});
     minimize(objective, equations, {}, state);
     objective.linearize(state, equations);
-    const Eigen::MatrixXd dense = dense_covariance(equations, model);
+    const Eigen::MatrixXd dense = test::dense_covariance(equations, model);
     const int n = equations.matrix.size();
     bool singular = false;
     const Estimate estimate = publish(model, objective, state, {}, &equations, singular);
@@ -106,6 +87,189 @@ TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
                     .norm(),
                 1e-6 * scale);
         }
+}
+
+struct Published {
+    bool surveyed, inertial, rig_open;
+};
+
+class PublishedCovariances : public ::testing::TestWithParam<Published> {
+ protected:
+    // A hundredth of the usual noise, so that terms of second order, judged elsewhere, are next to
+    // nothing.
+    static test::SimulatedRunOptions exact_run_options() {
+        test::SimulatedRunOptions options = short_run_options();
+        options.sigma_px = 0.01;
+        options.noise = {1.7e-6, 2e-5, 2e-7, 3e-5, 0};
+        return options;
+    }
+
+    PublishedCovariances() : run_(test::simulate_run(exact_run_options())) {
+        problem_ = GetParam().surveyed ? surveyed_problem(run_) : test::batch_problem(run_);
+        if (!GetParam().inertial) problem_.imu = {};
+        options_.loss = "none";
+        options_.sigma_px = 0.01;
+        options_.gyro_bias_sigma = options_.accel_bias_sigma = 0.001;
+        if (GetParam().rig_open) {
+            options_.intrinsics_sigma = 0.03;
+            options_.extrinsics_rotation_sigma = 0.01;
+            options_.extrinsics_position_sigma = 2e-4;
+            options_.time_offset_sigma = 4e-5;
+        }
+        model_ = make_model(problem_, options_, static_cast<int>(problem_.frames.size()));
+        state_ = given_start(model_, test::truth_of(run_));
+        objective_.emplace(model_, options_, Stage{});
+        equations_.emplace(model_, make_layout(model_, options_));
+        objective_->linearize(state_, *equations_);
+        if (!GetParam().rig_open) return;
+        const RigRefinement rig(problem_, model_, rig_unknowns(problem_.rig, options_),
+                                rig_sigmas(problem_.rig, options_));
+        rig.linearize(*objective_, state_, *equations_);
+    }
+
+    Estimate published(const State& state, NormalEquations* equations = nullptr) const {
+        bool singular = false;
+        const int last = model_.frames() - 1;
+        Estimate estimate =
+            publish(model_, *objective_, state, {0, 3, 9, last}, equations, singular);
+        EXPECT_FALSE(singular);
+        return estimate;
+    }
+
+    // Of all that an estimate says, seen from another one: 15 for each state, 6 for each motion
+    // between key-frames, 3 for each landmark and gravity.
+    Eigen::VectorXd difference(const Estimate& other, const Estimate& b) const {
+        // Where nothing tells heading and position, the frames of two estimates differ in them.
+        const Estimate a =
+            model_.surveyed() ? other : test::seen_from(other, b.states.front().T_W_B);
+        std::vector<double> all;
+        const auto add = [&](const auto& v) { all.insert(all.end(), v.begin(), v.end()); };
+        for (size_t i = 0; i < a.states.size(); ++i)
+            add(test::state_error(a.states[i], b.states[i]));
+        for (size_t k = 0; k < a.keyframe_motions.size(); ++k)
+            add(a.keyframe_motions[k].T_A_B.boxminus(b.keyframe_motions[k].T_A_B));
+        for (size_t j = 0; j < a.landmarks.size(); ++j)
+            add(Eigen::Vector3d(a.landmarks[j].p_W - b.landmarks[j].p_W));
+        add(Eigen::Vector3d(a.g_W - b.g_W));
+        return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
+    }
+
+    // Of what is published wrt the reduced unknowns and the points, by central differences; zero
+    // for those that are held.
+    Eigen::MatrixXd jacobian(const Estimate& estimate) const {
+        constexpr double kStep = 1e-5;
+        const Layout& layout = equations_->layout();
+        const int n = equations_->matrix.size(), m = static_cast<int>(model_.points.size());
+        Eigen::MatrixXd J = Eigen::MatrixXd::Zero(difference(estimate, estimate).size(), n + 3 * m);
+        Step step{Eigen::VectorXd::Zero(n), {}, {}};
+        step.points.assign(m, Eigen::Vector3d::Zero());
+        for (int k = 0; k < J.cols(); ++k) {
+            if (!model_.surveyed() && k < 6) continue;                         // the first pose
+            if (model_.inertial && k == layout.gravity_index() + 2) continue;  // gravity's norm
+            double& x = k < n ? step.reduced(k) : step.points[(k - n) / 3]((k - n) % 3);
+            State ahead, behind;
+            x = kStep;
+            objective_->apply(state_, step, layout, ahead);
+            x = -kStep;
+            objective_->apply(state_, step, layout, behind);
+            x = 0;
+            J.col(k) =
+                (difference(published(ahead), estimate) - difference(published(behind), estimate)) /
+                (2 * kStep);
+        }
+        return J;
+    }
+
+    test::SimulatedRun run_;
+    BatchProblem problem_;
+    BatchOptions options_;
+    Model model_;
+    State state_;
+    std::optional<Objective> objective_;
+    std::optional<NormalEquations> equations_;
+};
+
+// What is said of states, motions between key-frames (next to each other, and so far apart that no
+// point joins them), landmarks and gravity: the covariance of all unknowns, mapped by the numerical
+// derivative of what is published wrt them.
+TEST_P(PublishedCovariances, AreTheDenseInverseMapped) {
+    const Estimate estimate = published(state_, &*equations_);
+    const Eigen::MatrixXd J = jacobian(estimate);
+    const Eigen::MatrixXd mapped =
+        J * test::dense_covariance(*equations_, model_).topLeftCorner(J.cols(), J.cols()) *
+        J.transpose();
+    int at = 0;
+    const auto expect = [&](const char* what, const Eigen::MatrixXd& published) {
+        const auto size = published.rows();
+        const Eigen::MatrixXd expected = mapped.block(at, at, size, size);
+        // In unknowns of unit variance, as their units differ.
+        Eigen::VectorXd scale = expected.diagonal().cwiseMax(1e-20).cwiseSqrt().cwiseInverse();
+        EXPECT_LT((scale.asDiagonal() * (published - expected) * scale.asDiagonal())
+                      .cwiseAbs()
+                      .maxCoeff(),
+                  1e-4)
+            << what << ' ' << at;
+        at += static_cast<int>(size);
+    };
+    for (const StateEstimate& state : estimate.states) expect("state", state.covariance);
+    ASSERT_EQ(estimate.keyframe_motions.size(), 3u);
+    for (const RelativeMotion& motion : estimate.keyframe_motions)
+        expect("motion", motion.covariance);
+    ASSERT_GT(estimate.landmarks.size(), 30u);
+    for (const LandmarkEstimate& landmark : estimate.landmarks)
+        expect("landmark", landmark.covariance);
+    // (The published frame turns with gravity unless it is the survey's.)
+    if (GetParam().surveyed) expect("gravity", estimate.gravity_covariance);
+}
+
+INSTANTIATE_TEST_SUITE_P(BatchResults, PublishedCovariances,
+                         ::testing::Values(Published{false, true, false},
+                                           Published{false, true, true},
+                                           Published{true, true, true},
+                                           Published{false, false, false}),
+                         [](const auto& variant) {
+                             const Published& p = variant.param;
+                             return std::string(p.surveyed ? "surveyed" : "free") +
+                                    (p.inertial ? "" : "_image_only") +
+                                    (p.rig_open ? "_rig_open" : "");
+                         });
+
+// Against samples of two vectors that turn by a tilt of a degree while they err along themselves by
+// a tenth: what is left once the first order is taken off.
+TEST(BatchResults, TurningIsTheSecondMomentBeyondFirstOrder) {
+    Gauge gauge;
+    gauge.tilt_by_gravity = so3::skew(Eigen::Vector3d::UnitZ()) / 9.81;
+    Vector6d v;
+    v << 2, -1, 0.5, 0.3, 0.4, -0.1;
+    // x: errors of the vectors, and of gravity, which does not change its length.
+    Matrix9d root = Matrix9d::Zero();
+    root.col(0) << 0.1 * v, 0, 0, 0;
+    root.col(1) << 0.001 * v.reverse(), 0, 0, 0;
+    root.col(2) << -0.05 * v, 0.1, 0.2, 0;
+    root.col(3) << 0.02 * v.reverse(), 0.1, -0.15, 0;
+    Eigen::Matrix<double, 6, 9> J;
+    J << Matrix6d::Identity(), Eigen::Matrix<double, 6, 3>::Zero();
+    for (const int k : {0, 3})
+        J.block<3, 3>(k, 6) = -so3::skew(Eigen::Vector3d(v.segment<3>(k))) * gauge.tilt_by_gravity;
+    const Matrix6d moment =
+        Turning<6>(gauge, v, J, Matrix9d(root * root.transpose()), 6).second_moment();
+
+    constexpr int kSamples = 100000;
+    std::mt19937 engine(1);
+    std::normal_distribution<double> normal;
+    Matrix6d sampled = Matrix6d::Zero();
+    for (int k = 0; k < kSamples; ++k) {
+        Vector9d z;
+        for (double& value : z) value = normal(engine);
+        const Vector9d x = root * z;
+        const Eigen::Matrix3d R = so3::exp(gauge.tilt_by_gravity * x.tail<3>());
+        Vector6d left = -(v + J * x);
+        for (const int i : {0, 3}) left.segment<3>(i) += R * (v + x.head<6>()).segment<3>(i);
+        sampled += left * left.transpose() / kSamples;
+    }
+    // Fourth powers of what is sampled scatter by about five times their mean.
+    const double scatter = 5 / std::sqrt(static_cast<double>(kSamples));
+    EXPECT_LT((moment - sampled).norm(), 3 * scatter * moment.norm());
 }
 
 // As MRPT's pose with covariance in (x, y, z, yaw, pitch, roll): that of the marginal, mapped by

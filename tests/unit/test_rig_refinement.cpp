@@ -7,6 +7,7 @@
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/start.h"
 #include "tests/simulated_batch.h"
+#include "tests/unit/dense_information.h"
 
 namespace vio::batch {
 namespace {
@@ -30,8 +31,8 @@ class RigRefined : public ::testing::Test {
         options_.time_offset_sigma = 0.004;
         model_ = make_model(problem_, options_, static_cast<int>(problem_.frames.size()));
         state_ = given_start(model_, test::truth_of(run_));
-        rig_.emplace(problem_, model_, rig_unknowns(model_, options_),
-                     rig_sigmas(model_, options_));
+        rig_.emplace(problem_, model_, rig_unknowns(problem_.rig, options_),
+                     rig_sigmas(problem_.rig, options_));
         equations_.emplace(model_, make_layout(model_, options_));
         objective_.emplace(model_, options_, Stage{});
     }
@@ -64,7 +65,8 @@ TEST_F(RigRefined, WhatIsStatedDrawsBack) {
     linearize();
     const Eigen::VectorXd gradient = equations_->rig->gradient;
     const Eigen::VectorXd of_images =
-        objective_->linearize_rig(state_, rig_unknowns(model_, options_), *equations_).gradient;
+        objective_->linearize_rig(state_, rig_unknowns(problem_.rig, options_), *equations_)
+            .gradient;
     const double scale = (gradient - of_images).cwiseProduct(sigmas).norm();
     for (Eigen::Index k = 0; k < n; ++k) {
         Eigen::VectorXd step = Eigen::VectorXd::Zero(n);
@@ -106,60 +108,28 @@ TEST_F(RigRefined, StepsLeadToTheMinimum) {
     EXPECT_LT((rig_->change() - found).cwiseQuotient(rig_->sigmas()).norm(), 1e-2);
 }
 
-// All covariances that are published are blocks of the inverse of the whole information matrix, the
-// rig's unknowns among the others.
-TEST_F(RigRefined, MarginalsAreThoseOfTheDenseInverse) {
+// The rig's covariance, and the joint one of the last state and its points, are blocks of the
+// inverse of the whole information matrix, the rig's unknowns among the others.
+TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
     minimize(*objective_, *equations_, {}, state_, &*rig_);
     linearize();
     const Layout& layout = equations_->layout();
-    const int n = equations_->matrix.size(), m = static_cast<int>(model_.points.size()),
-              r = static_cast<int>(rig_->sigmas().size()), all = n + 3 * m + r;
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(all, all);
-    for (int col = 0; col < static_cast<int>(layout.block_dims().size()); ++col)
-        for (int row : equations_->matrix.rows(col))
-            H.block(equations_->matrix.offset(row), equations_->matrix.offset(col),
-                    equations_->matrix.dim(row), equations_->matrix.dim(col)) =
-                equations_->matrix.block(row, col);
-    for (int j = 0; j < m; ++j) H.block<3, 3>(n + 3 * j, n + 3 * j) = equations_->V[j];
-    for (size_t k = 0; k < model_.observations.size(); ++k) {
-        const Observation& o = model_.observations[k];
-        H.block<3, 6>(n + 3 * o.point_idx, layout.index(o.frame_idx, 0)) +=
-            equations_->W[k].transpose();
-    }
-    H.bottomRows(r) << equations_->rig->reduced.transpose(), equations_->rig->points.transpose(),
-        equations_->rig->H;
-    Eigen::MatrixXd scaled = H.selfadjointView<Eigen::Lower>();
-    const Eigen::VectorXd scale = scaled.diagonal().cwiseSqrt().cwiseInverse();
-    scaled = (scale.asDiagonal() * scaled * scale.asDiagonal()).eval();
-    const Eigen::MatrixXd dense = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
-
-    bool singular = false;
-    const Estimate estimate = publish(model_, *objective_, state_, {}, &*equations_, singular);
-    ASSERT_FALSE(singular);
-    ASSERT_TRUE(equations_->rig_solution());
+    const int n = equations_->matrix.size();
+    const Eigen::MatrixXd dense = test::dense_covariance(*equations_, model_);
     const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
         EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
     };
-    close(rig_->sigmas().cwiseInverse().asDiagonal() * equations_->rig_solution()->covariance *
-              rig_->sigmas().cwiseInverse().asDiagonal(),
-          rig_->sigmas().cwiseInverse().asDiagonal() * dense.bottomRightCorner(r, r) *
-              rig_->sigmas().cwiseInverse().asDiagonal());
-    for (int i = 0; i < model_.frames(); ++i) {
-        const int gyro = layout.index(i, kGyroBias), rotation = layout.index(i, kRotation);
-        const auto& C = estimate.states[i].covariance;
-        const Eigen::Matrix3d R_B_I = model_.T_I_B.R.transpose();
-        close(C.block<3, 3>(kGyroBias, kGyroBias), dense.block<3, 3>(gyro, gyro));
-        close(C.block<3, 3>(kRotation, kRotation),
-              R_B_I * dense.block<3, 3>(rotation, rotation) * R_B_I.transpose());
-    }
-    std::map<FeatureId, int> column;
-    for (int j = 0; j < m; ++j) column[model_.points[j].id] = n + 3 * j;
-    for (const LandmarkEstimate& landmark : estimate.landmarks) {
-        const int k = column.at(landmark.id);
-        close(landmark.covariance, dense.block<3, 3>(k, k));
-    }
     const auto tail = publish_tail(model_, *objective_, state_, *equations_);
     ASSERT_TRUE(tail);
+    ASSERT_TRUE(equations_->rig_solution());
+    const Eigen::VectorXd information = rig_->sigmas().cwiseInverse();
+    const auto r = information.size();
+    close(information.asDiagonal() * equations_->rig_solution()->covariance *
+              information.asDiagonal(),
+          information.asDiagonal() * dense.bottomRightCorner(r, r) * information.asDiagonal());
+    std::map<FeatureId, int> column;
+    for (size_t j = 0; j < model_.points.size(); ++j)
+        column[model_.points[j].id] = n + 3 * static_cast<int>(j);
     for (size_t a = 0; a < tail->landmarks.size(); ++a) {
         const int k = column.at(tail->landmarks[a].id),
                   gyro = layout.index(model_.frames() - 1, kGyroBias);
