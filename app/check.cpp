@@ -90,7 +90,7 @@ void print(const Finding& finding) {
 void run(Arguments arguments) {
     sort_files(arguments.files, arguments.config, arguments.rawlog);
     if (arguments.rawlog.empty()) throw InputError("RAWLOG is missing; see vio-slam check --help");
-    PipelineOptions options;  // all of a run's, so that its configuration can be given
+    EstimationOptions options;  // all of a run's, so that its configuration can be given
     OptionSet declared;
     options.describe(declared);
     if (!arguments.config.empty()) declared.load(arguments.config);

@@ -1,37 +1,20 @@
 #include "app/pipeline.h"
 
-#include <chrono>
-#include <deque>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
-#include "app/estimator.h"
 #include "app/progress.h"
 #include "app/run_output.h"
+#include "libvio/calibration/board_file.h"
 #include "libvio/check/recording_check.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
-#include "libvio/recursive/message_queue.h"
-#include "libvio/tracking/front_end.h"
+#include "libvio/slam/course.h"
+#include "libvio/slam/timed.h"
 
 namespace vio::app {
 namespace {
-
-// Runs work and adds the time that it took to seconds.
-template <typename Work>
-auto timed(double& seconds, Work work) {
-    struct Watch {
-        double& seconds;
-        std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
-        ~Watch() {
-            seconds +=
-                std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        }
-    } watch{seconds};
-    return work();
-}
 
 void check_sensors(const Recording& recording, const RunRequest& request) {
     if (!recording.has_images() && !recording.has_features())
@@ -71,73 +54,6 @@ class Part {
     int beyond_ = 0;  // messages in a row
 };
 
-// An image, or its features, on the IMU's clock.
-struct TimedMessage {  // NOLINT(bugprone-exception-escape): std::variant's own promise
-    TimeNs t_imu = 0;
-    Message message;
-};
-
-// Hands measurements to the estimator. An image outside the IMU's readings cannot be estimated with
-// them: it is held back until readings reach it, and dropped if they never do; but the filter goes
-// on without readings after a while.
-class Feeder {
- public:
-    Feeder(Estimator& estimator, RunOutput& output, const RunRequest& request, const Rig& rig,
-           RunReport& report)
-        : estimator_(estimator),
-          output_(output),
-          use_imu_(request.use_imu),
-          patient_(request.estimator != "iekf"),
-          time_offset_(from_seconds(rig.time_offset)),
-          report_(report) {}
-
-    void add(const ImuReading& reading) {
-        if (!use_imu_) return;
-        if (!first_reading_) first_reading_ = reading.t;
-        ++report_.imu_readings;
-        estimator_.add(reading);
-        last_reading_ = reading.t;
-        while (!waiting_.empty() && waiting_.front().t + time_offset_ <= last_reading_) release();
-    }
-
-    void add(const FeatureFrame& frame) {
-        waiting_.push_back(frame);
-        if (!use_imu_ || (first_reading_ && frame.t + time_offset_ <= last_reading_)) release();
-        while (!patient_ && first_reading_ && !waiting_.empty() &&
-               frame.t - waiting_.front().t > MessageQueue<>::kLongestWait)
-            release();
-    }
-
-    void finish() {
-        report_.dropped_images += static_cast<int>(waiting_.size());
-        report_.duration_s = to_seconds(last_passed_ - first_passed_);
-    }
-
- private:
-    void release() {
-        FeatureFrame frame = std::move(waiting_.front());
-        waiting_.pop_front();
-        if (use_imu_ && frame.t + time_offset_ < *first_reading_) {
-            ++report_.dropped_images;
-            return;
-        }
-        if (report_.images++ == 0) first_passed_ = frame.t;
-        last_passed_ = frame.t;
-        output_.add(frame);
-        estimator_.add(frame);
-    }
-
-    Estimator& estimator_;
-    RunOutput& output_;
-    bool use_imu_, patient_;
-    TimeNs time_offset_;
-    RunReport& report_;
-    std::optional<TimeNs> first_reading_;
-    TimeNs last_reading_ = 0;
-    TimeNs first_passed_ = 0, last_passed_ = 0;
-    std::deque<FeatureFrame> waiting_;  // in order of time
-};
-
 // Judges the recording's first seconds in passing, once, so that the user learns of a bad recording
 // before the work is done.
 class EarlyCheck {
@@ -172,45 +88,41 @@ class EarlyCheck {
     RunReport& report_;
 };
 
-// From messages in the order of the file to the results, in the order of time.
-class Course {
+EstimationRequest estimation(const RunRequest& request) {
+    EstimationRequest wanted{request.estimator, request.use_imu, request.options, {}, {}};
+    if (!request.fiducials_file.empty()) wanted.fiducials = read_fiducials(request.fiducials_file);
+    if (!request.start_folder.empty()) wanted.start = read_results(request.start_folder);
+    return wanted;
+}
+
+// The course of the estimate, with what a run looks at and writes on the way.
+class Run {
  public:
-    Course(const RunRequest& request, const Rig& rig, bool has_tracks, RunReport& report)
-        : front_end_(request.options.tracker, rig, request.use_imu),
-          estimator_(make_estimator(request, rig)),
+    Run(const RunRequest& request, const Rig& rig, bool has_tracks, RunReport& report)
+        : course_(estimation(request), rig),
           output_(request, rig),
-          feeder_(*estimator_, output_, request, rig, report),
-          queue_(from_seconds(request.options.iekf.message_window), request.use_imu),
           early_check_(request, rig, report),
-          use_imu_(request.use_imu),
           is_batch_(request.estimator == "batch"),
           has_tracks_(has_tracks),
-          time_offset_(from_seconds(rig.time_offset)),
           report_(report) {
-        front_end_.set_predictor([this](TimeNs t) { return estimator_->predict(t); });
+        course_.watch_tracked([this](const FeatureFrame& f) { early_check_.add_tracks(f); });
+        course_.watch_estimated([this](const FeatureFrame& f) { output_.add(f); });
     }
 
     void add(const Message& message) {
         early_check_.add(message);
-        if (const auto* reading = std::get_if<ImuReading>(&message)) {
-            if (use_imu_) queue_.add(*reading);
-        } else if (const auto* image = std::get_if<ImageMessage>(&message)) {
-            output_.add(*image);
-            // Tracks that the rawlog carries stand for its images.
-            if (!has_tracks_) queue_.add(TimedMessage{image->t + time_offset_, message});
-        } else if (const auto* frame = std::get_if<FeatureFrame>(&message)) {
-            queue_.add(TimedMessage{frame->t + time_offset_, message});
-        }
+        const auto* image = std::get_if<ImageMessage>(&message);
+        if (image) output_.add(*image);
+        // Tracks that the rawlog carries stand for its images.
+        if (!image || !has_tracks_) course_.add(message);
         take(false);
     }
 
     void finish() {
         take(true);
-        feed(timed(report_.tracking_s, [&] { return front_end_.finish(); }));
         early_check_.finish();
-        feeder_.finish();
-        timed(report_.estimation_s, [&] { estimator_->finish(); });
-        if (const RefinedRig* refined = estimator_->refined_rig()) {
+        course_.finish();
+        if (const RefinedRig* refined = estimator().refined_rig()) {
             // The filter's mount also takes up what its model leaves out: no calibration.
             if (is_batch_) output_.set_rig(refined->rig);
             for (const RefinedRig::Unknown& unknown : refined->unknowns)
@@ -218,52 +130,53 @@ class Course {
         }
         write();
         if (output_.scene_due()) timed(report_.picture_s, [&] { output_.write_scene({}); });
-        report_.repeated_messages = queue_.repeated();
-        report_.late_messages = queue_.late();
+        tell();
     }
 
-    Estimator& estimator() { return *estimator_; }
+    std::string why_no_pose() const { return course_.why_no_pose(); }
     RunOutput& output() { return output_; }
 
  private:
     void take(bool at_end) {
-        while (auto next = queue_.pop(at_end)) {
-            const auto* reading = std::get_if<ImuReading>(&*next);
-            if (reading) timed(report_.estimation_s, [&] { feeder_.add(*reading); });
-            const Message message =
-                reading ? Message(*reading) : std::move(std::get<TimedMessage>(*next).message);
-            feed(timed(report_.tracking_s, [&] { return front_end_.add(message); }));
-            front_end_.end_tracks(estimator_->take_rejected());
+        while (course_.step(at_end)) {
             write();
             if (output_.scene_due())
-                timed(report_.picture_s, [&] { output_.write_scene(estimator_->landmarks()); });
+                timed(report_.picture_s,
+                      [&] { output_.write_scene(estimator().estimate().landmarks); });
         }
     }
 
-    void feed(const std::vector<FeatureFrame>& frames) {
-        for (const FeatureFrame& frame : frames) early_check_.add_tracks(frame);
-        timed(report_.estimation_s, [&] {
-            for (const FeatureFrame& frame : frames) feeder_.add(frame);
-        });
-    }
-
     void write() {
-        timed(report_.input_output_s, [&] { output_.add(estimator_->take()); });
+        timed(report_.input_output_s, [&] { output_.add(estimator().take()); });
     }
 
-    TrackingFrontEnd front_end_;
-    std::unique_ptr<Estimator> estimator_;
+    void tell() {
+        const CourseCounts counts = course_.counts();
+        report_.images = counts.images;
+        report_.dropped_images = counts.dropped_images;
+        report_.repeated_messages = counts.repeated_messages;
+        report_.late_messages = counts.late_messages;
+        report_.imu_readings = counts.imu_readings;
+        report_.duration_s = to_seconds(counts.last_image - counts.first_image);
+        report_.estimator_says = estimator().report();
+        report_.events = estimator().status();
+        report_.converged = estimator().converged();
+        report_.iterations = estimator().iterations();
+        report_.tracking_s = course_.tracking_s();
+        report_.estimation_s = course_.estimation_s();
+    }
+
+    Estimator& estimator() { return course_.estimator(); }
+
+    Course course_;
     RunOutput output_;
-    Feeder feeder_;
-    MessageQueue<TimedMessage> queue_;
     EarlyCheck early_check_;
-    bool use_imu_, is_batch_, has_tracks_;
-    TimeNs time_offset_;
+    bool is_batch_, has_tracks_;
     RunReport& report_;
 };
 
 // Reads to the end of the part that was asked for, or to where the file is damaged.
-void read(Recording& recording, Course& course, Part part, RunReport& report) {
+void read(Recording& recording, Run& run, Part part, RunReport& report) {
     const auto next = [&]() -> std::optional<Message> {
         try {
             return timed(report.input_output_s, [&] { return recording.next(); });
@@ -274,11 +187,11 @@ void read(Recording& recording, Course& course, Part part, RunReport& report) {
     };
     Progress progress("reading");
     while (const std::optional<Message> message = next()) {
-        if (part.contains(*message)) course.add(*message);
+        if (part.contains(*message)) run.add(*message);
         if (part.is_over()) break;
         progress.update(recording.progress());
     }
-    course.finish();
+    run.finish();
 }
 
 void summarise(const WrittenPath& written, RunReport& report) {
@@ -286,20 +199,6 @@ void summarise(const WrittenPath& written, RunReport& report) {
     report.lost_poses = written.lost_poses;
     report.landmarks = written.landmarks;
     report.path_length = written.length;
-}
-
-InputError no_pose(const RunRequest& request, const RunReport& report) {
-    if (!report.damage.empty()) return InputError(report.damage);
-    const std::string why = !report.estimator_says.empty() ? report.estimator_says
-                            : report.events.empty()
-                                ? "too little to start from; see the images' span"
-                                : report.events.back().text;
-    const std::string late =
-        report.late_messages > 0
-            ? "; " + std::to_string(report.late_messages) +
-                  " messages came later than iekf.message_window and were left out"
-            : "";
-    return InputError(request.rawlog + ": no pose could be estimated: " + why + late);
 }
 
 nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
@@ -342,12 +241,6 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
 
 }  // namespace
 
-void PipelineOptions::describe(OptionSet& options) {
-    tracker.describe(options);
-    batch.describe(options);
-    iekf.describe(options);
-}
-
 RunReport run_pipeline(const RunRequest& request) {
     check_results_folder(request.output, request.overwrite);
     NamedPath truth{request.truth_file,
@@ -356,15 +249,12 @@ RunReport run_pipeline(const RunRequest& request) {
     RunReport report;
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
-    Course course(request, recording.rig(), recording.has_features(), report);
-    read(recording, course, Part(request), report);
-    const Estimator& estimator = course.estimator();
-    RunOutput& output = course.output();
-    report.estimator_says = estimator.report();
-    report.events = estimator.events();
-    report.converged = estimator.converged();
-    report.iterations = estimator.iterations();
-    if (output.written().poses == 0) throw no_pose(request, report);
+    Run run(request, recording.rig(), recording.has_features(), report);
+    read(recording, run, Part(request), report);
+    RunOutput& output = run.output();
+    if (output.written().poses == 0)
+        throw InputError(!report.damage.empty() ? report.damage
+                                                : request.rawlog + ": " + run.why_no_pose());
     report.has_scale = output.has_scale();
     report.images_with_pose = output.images_with_pose();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });

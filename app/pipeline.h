@@ -6,23 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "libvio/base/options.h"
-#include "libvio/batch/batch.h"
 #include "libvio/check/finding.h"
 #include "libvio/io/recording.h"
-#include "libvio/recursive/iekf.h"
-#include "libvio/tracking/tracker.h"
+#include "libvio/slam/estimator.h"
 
 namespace vio::app {
-
-/// Options of every stage that a run goes through.
-struct PipelineOptions {
-    TrackerOptions tracker;
-    BatchOptions batch;
-    IekfOptions iekf;
-
-    void describe(OptionSet& options);
-};
 
 /// A run as asked for on the command line; times in seconds, files by path.
 struct RunRequest {
@@ -38,7 +26,7 @@ struct RunRequest {
     std::string start_folder;        ///< results that the batch estimate starts from; empty: none
     double begin_s = 0;              ///< part of the recording: seconds from its first measurement
     double end_s = std::numeric_limits<double>::infinity();
-    PipelineOptions options;
+    EstimationOptions options;
     /// Receives what is wrong with the recording's first seconds, as soon as these are read.
     std::function<void(const Finding&)> warn = [](const Finding&) {};
 };

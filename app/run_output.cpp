@@ -10,7 +10,7 @@ namespace {
 
 std::string effective_options(const RunRequest& request) {
     OptionSet options;
-    PipelineOptions effective = request.options;
+    EstimationOptions effective = request.options;
     effective.describe(options);
     return options.to_ini();
 }

@@ -91,7 +91,7 @@ std::string track(Recording& recording, TrackingFrontEnd& front_end, bool keep_i
 }
 
 void run(const Arguments& arguments) {
-    PipelineOptions options;  // all of a run's, so that its options.ini can be given back
+    EstimationOptions options;  // all of a run's, so that its options.ini can be given back
     OptionSet declared;
     options.describe(declared);
     if (!arguments.config.empty()) declared.load(arguments.config);

@@ -14,6 +14,16 @@ namespace vio {
 
 using namespace mrpt::obs;
 
+namespace {
+
+// Each label once.
+void note(const std::string& label, std::string& labels) {
+    const std::string quoted = " '" + label + "'";
+    if (labels.find(quoted) == std::string::npos) labels += quoted;
+}
+
+}  // namespace
+
 void Sensors::see(const CObservation& observation, const RecordingOptions& options) {
     if (const auto* image = dynamic_cast<const CObservationImage*>(&observation)) {
         see_camera(observation, options, image->cameraParams);
@@ -35,7 +45,7 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
         first_camera = from_mrpt(observation.timestamp);
     }
     if (!camera || label != camera_label) {
-        other_cameras += " '" + label + "'";
+        note(label, other_cameras);
         return;
     }
     last_camera = from_mrpt(observation.timestamp);
@@ -50,7 +60,7 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
 void Sensors::see_imu(const CObservationIMU& observation, const RecordingOptions& options) {
     if (imu || !from_mrpt(observation)) return;
     if (!options.imu_label.empty() && options.imu_label != observation.sensorLabel) {
-        other_imus += " '" + observation.sensorLabel + "'";
+        note(observation.sensorLabel, other_imus);
         return;
     }
     imu = true;

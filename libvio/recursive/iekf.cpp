@@ -167,7 +167,8 @@ const Estimate& Iekf::estimate() const {
 }
 
 const StateEstimate* Iekf::newest() const {
-    return impl_->result.states.empty() ? nullptr : &impl_->result.states.back();
+    if (!impl_->result.states.empty()) return &impl_->result.states.back();
+    return impl_->last_taken ? &*impl_->last_taken : nullptr;
 }
 
 Estimate Iekf::take() {
@@ -176,6 +177,7 @@ Estimate Iekf::take() {
     for (const auto& [id, landmark] : impl_->landmark_estimates)
         result.landmarks.push_back(landmark);
     impl_->landmark_estimates.clear();
+    if (!result.states.empty()) impl_->last_taken = result.states.back();
     Estimate taken = result;
     result.states.clear();
     result.landmarks.clear();

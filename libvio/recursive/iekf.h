@@ -11,6 +11,7 @@
 #include "libvio/batch/batch.h"
 #include "libvio/camera/rig.h"
 #include "libvio/recursive/filter_state.h"
+#include "libvio/recursive/status.h"
 #include "libvio/tracking/predicted_feature.h"
 
 namespace vio {
@@ -60,12 +61,6 @@ struct IekfOptions {
     void describe(OptionSet& options);
 };
 
-/// Something that happened, worth telling.
-struct StatusEntry {
-    TimeNs t = 0;  ///< on the camera's clock
-    std::string text;
-};
-
 /// Feed measurements in any order within IekfOptions::message_window; read the trajectory.
 ///
 /// The estimator starts by itself from the batch estimate of a prefix; if that fails or is too
@@ -89,7 +84,8 @@ class Iekf {
     /// States at all images so far (those of the prefix from its batch estimate), and every
     /// landmark that was ever in the state with its last estimate; without what was taken.
     const Estimate& estimate() const;
-    /// The last state; null before the start. Unlike estimate(), costs nothing.
+    /// The last state, taken or not; null before the start. Valid until the next call of add(),
+    /// finish() or take(). Unlike estimate(), costs nothing.
     const StateEstimate* newest() const;
     /// What has become final since the last call: states, and landmarks that have left the state;
     /// after finish() the others too. Memory is bounded if this is called again and again.
@@ -104,6 +100,7 @@ class Iekf {
     /// state, it is lost, or it is later than t.
     std::vector<PredictedFeature> predict(TimeNs t) const;
 
+    /// The last 10000 entries.
     const std::vector<StatusEntry>& status() const;
 
     /// The rig with the camera's mount and clock as estimated last, and how far that is from what

@@ -88,7 +88,10 @@ struct Iekf::Impl {
     std::vector<PredictedFeature> predict(TimeNs t_imu) const;
     void note_landmark(int idx);
     void give_up(const std::vector<bool>& remove);
-    void log(TimeNs t, std::string text) { status.push_back({t, std::move(text)}); }
+    void log(TimeNs t, std::string text) {
+        if (status.size() >= kMostStatus) status.erase(status.begin());
+        status.push_back({t, std::move(text)});
+    }
     TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
 
     Rig rig;  // its mount as estimated last
@@ -142,8 +145,10 @@ struct Iekf::Impl {
     bool lost = false;
 
     TimeNs last_report = std::numeric_limits<TimeNs>::min();
-    Estimate result;
+    Estimate result;                          // but for what was taken
+    std::optional<StateEstimate> last_taken;  // of its states
     std::map<FeatureId, LandmarkEstimate> landmark_estimates;
+    static constexpr std::size_t kMostStatus = 10000;
     std::vector<StatusEntry> status;
 };
 

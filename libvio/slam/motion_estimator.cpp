@@ -6,16 +6,14 @@
 #include <deque>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <utility>
 #include <variant>
-#include <vector>
 
-#include "libvio/base/options.h"
-#include "libvio/batch/batch.h"
+#include "libvio/base/errors.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/sensors.h"
-#include "libvio/recursive/iekf.h"
-#include "libvio/tracking/front_end.h"
+#include "libvio/slam/course.h"
 
 IMPLEMENTS_VIRTUAL_MRPT_OBJECT(MotionEstimator, mrpt::rtti::CObject, vio)
 IMPLEMENTS_MRPT_OBJECT(RecursiveEstimator, MotionEstimator, vio)
@@ -43,17 +41,13 @@ cv::Mat load_external(const std::string& file) {
 }
 
 struct Settings {
-    TrackerOptions tracker;
-    BatchOptions batch;
-    IekfOptions iekf;
+    EstimationRequest request;
     RecordingOptions recording;
-    bool use_imu = true;
+    bool keep_path = false;
 
     OptionSet options() {
         OptionSet set;
-        tracker.describe(set);
-        batch.describe(set);
-        iekf.describe(set);
+        request.options.describe(set);
         return set;
     }
 };
@@ -61,96 +55,69 @@ struct Settings {
 }  // namespace
 
 struct MotionEstimator::Impl {
-    Kind kind;
     Settings settings;
     Sensors sensors;
-    std::deque<Message> waiting;  // for the sensors to be known
-    TimeNs first_time = 0;
-    bool any = false;
+    std::deque<Message> waiting;   // for the sensors to be known
+    std::optional<Course> course;  // once they are
+    Estimate shown;
 
-    // Once they are.
-    std::optional<TrackingFrontEnd> front_end;
-    std::optional<Iekf> filter;
-    BatchProblem problem;
-    BatchResult result;
-
+    std::string silent_sensor() const { return sensors.camera ? "IMU" : "camera"; }
+    void wait_for_sensors(const Message& message);
     void begin();
     void take(const Message& message);
-    void add(const std::vector<FeatureFrame>& frames);
-    void wait_for_sensors(const Message& message);
-    void solve();
+    const Estimate& newest();
 };
 
+void MotionEstimator::Impl::wait_for_sensors(const Message& message) {
+    const auto time = [](const Message& any) {
+        return std::visit([](const auto& m) { return m.t; }, any);
+    };
+    waiting.push_back(message);
+    if (sensors.camera && (sensors.imu || !settings.request.use_imu)) return begin();
+    if (time(message) - time(waiting.front()) > kLongestSilence) {
+        waiting.clear();
+        throw InputError("no observation of the " + silent_sensor() +
+                         " in the first 10 s; check the labels, or leave the IMU out");
+    }
+}
+
 void MotionEstimator::Impl::begin() {
+    const std::deque<Message> early = std::exchange(waiting, {});
     for (const std::string& given : settings.recording.calibration_files)
         load_calibration(given, sensors.rig);
     if (!sensors.rig.camera)
         throw InputError("camera '" + sensors.camera_label +
                          "' is not calibrated; give a calibration file");
-    front_end.emplace(settings.tracker, sensors.rig, settings.use_imu);
-    // Of the batch, at most the start.
-    if (kind == Kind::kRecursive || settings.batch.start == "iekf")
-        filter.emplace(sensors.rig, settings.iekf, settings.batch, settings.use_imu);
-    if (kind == Kind::kRecursive)
-        front_end->set_predictor([this](TimeNs t) { return filter->predict(t); });
-    problem.rig = sensors.rig;
-    for (const Message& message : waiting) take(message);
-    waiting.clear();
+    course.emplace(settings.request, sensors.rig);
+    for (const Message& message : early) take(message);
 }
 
 void MotionEstimator::Impl::take(const Message& message) {
-    if (const auto* reading = std::get_if<ImuReading>(&message); reading && settings.use_imu) {
-        if (filter) filter->add(*reading);
-        if (kind == Kind::kBatch) problem.imu.push_back(*reading);
-    }
     // Tracks that come as such stand for their images.
     if (sensors.features && std::holds_alternative<ImageMessage>(message)) return;
-    add(front_end->add(message));
-    if (kind == Kind::kRecursive) front_end->end_tracks(filter->take_rejected());
+    course->add(message);
+    while (course->step())
+        if (!settings.keep_path) course->estimator().take();
 }
 
-void MotionEstimator::Impl::add(const std::vector<FeatureFrame>& frames) {
-    for (const FeatureFrame& frame : frames) {
-        if (filter) filter->add(frame);
-        if (kind == Kind::kBatch) problem.frames.push_back(frame);
-    }
-}
-
-void MotionEstimator::Impl::wait_for_sensors(const Message& message) {
-    const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
-    if (!any) first_time = t;
-    any = true;
-    waiting.push_back(message);
-    if (sensors.camera && (sensors.imu || !settings.use_imu)) return begin();
-    if (t - first_time > kLongestSilence)
-        throw InputError(std::string("no observation of the ") +
-                         (sensors.camera ? "IMU" : "camera") +
-                         " in the first 10 s; check the labels, or leave the IMU out");
-}
-
-// Images outside the readings cannot be estimated with them.
-void MotionEstimator::Impl::solve() {
-    const std::vector<ImuReading>& readings = problem.imu.readings();
-    if (settings.use_imu && !readings.empty()) {
-        const TimeNs offset = from_seconds(problem.rig.time_offset);
-        std::erase_if(problem.frames, [&](const FeatureFrame& frame) {
-            return frame.t + offset < readings.front().t || frame.t + offset > readings.back().t;
-        });
-    }
-    std::optional<Estimate> start;
-    if (filter) start = filter->take();
-    result = estimate_batch(problem, settings.batch, start);
-    if (!result.report.converged)
-        throw InputError("the batch estimate has not converged: " + result.report.reason);
+// The newest state alone, as if the path had been kept no longer than to it.
+const Estimate& MotionEstimator::Impl::newest() {
+    const Estimate& all = course->estimator().estimate();
+    shown = {};
+    if (const StateEstimate* state = course->estimator().newest()) shown.states = {*state};
+    shown.landmarks = all.landmarks;
+    shown.g_W = all.g_W;
+    shown.gravity_covariance = all.gravity_covariance;
+    shown.has_scale = all.has_scale;
+    return shown;
 }
 
 MotionEstimator::MotionEstimator(Kind kind) : impl_(std::make_unique<Impl>()) {
-    impl_->kind = kind;
+    impl_->settings.request.estimator = kind == Kind::kBatch ? "batch" : "iekf";
 }
 
 MotionEstimator::MotionEstimator(const MotionEstimator& other)
     : mrpt::rtti::CObject(), impl_(std::make_unique<Impl>()) {
-    impl_->kind = other.impl_->kind;
     impl_->settings = other.impl_->settings;
 }
 
@@ -165,9 +132,9 @@ void MotionEstimator::set_option(const std::string& assignment) {
 }
 
 void MotionEstimator::set_calibration(const std::string& file) {
-    Rig checked;
-    load_calibration(file, checked);
-    impl_->settings.recording.calibration_files = {file};
+    if (!std::filesystem::is_regular_file(file))
+        throw InputError(file + ": no such file; name an existing calibration file");
+    impl_->settings.recording.calibration_files.push_back(file);
 }
 
 void MotionEstimator::set_labels(const std::string& camera, const std::string& imu) {
@@ -176,7 +143,11 @@ void MotionEstimator::set_labels(const std::string& camera, const std::string& i
 }
 
 void MotionEstimator::ignore_imu() {
-    impl_->settings.use_imu = false;
+    impl_->settings.request.use_imu = false;
+}
+
+void MotionEstimator::keep_path() {
+    impl_->settings.keep_path = true;
 }
 
 void MotionEstimator::process(const mrpt::obs::CObservation& observation) {
@@ -184,7 +155,7 @@ void MotionEstimator::process(const mrpt::obs::CObservation& observation) {
     e.sensors.see(observation, e.settings.recording);
     const auto message = to_message(observation, e.sensors, load_external);
     if (!message) return;
-    if (e.front_end)
+    if (e.course)
         e.take(*message);
     else
         e.wait_for_sensors(*message);
@@ -192,33 +163,43 @@ void MotionEstimator::process(const mrpt::obs::CObservation& observation) {
 
 void MotionEstimator::finish() {
     Impl& e = *impl_;
-    if (!e.front_end)
-        throw InputError(std::string("no observation of the ") +
-                         (e.sensors.camera ? "IMU" : "camera") + " has come");
-    e.add(e.front_end->finish());
-    if (e.filter) e.filter->finish();
-    if (e.kind == Kind::kBatch) e.solve();
+    if (!e.course) throw InputError("no observation of the " + e.silent_sensor() + " has come");
+    e.course->finish();
+    const Estimator& estimator = e.course->estimator();
+    if (!estimator.newest()) throw InputError(e.course->why_no_pose());
+    if (!estimator.converged())
+        throw InputError("the estimate has not converged: " + estimator.report());
 }
 
 std::optional<MotionEstimator::StampedPose> MotionEstimator::newest_pose() const {
-    const Impl& e = *impl_;
-    const StateEstimate* state = nullptr;
-    if (e.kind == Kind::kRecursive)
-        state = e.filter ? e.filter->newest() : nullptr;
-    else if (!e.result.estimate.states.empty())
-        state = &e.result.estimate.states.back();
+    const auto& course = impl_->course;
+    const StateEstimate* state = course ? course->estimator().newest() : nullptr;
     if (!state) return std::nullopt;
     const Matrix6d covariance = state->covariance.topLeftCorner<6, 6>();
-    return StampedPose{to_mrpt(state->t), to_mrpt(state->T_W_B, covariance)};
+    return StampedPose{to_mrpt(state->t), to_mrpt(state->T_W_B, covariance), state->lost};
 }
 
 const Estimate& MotionEstimator::estimate() const {
-    const bool recursive = impl_->kind == Kind::kRecursive && impl_->filter;
-    return recursive ? impl_->filter->estimate() : impl_->result.estimate;
+    Impl& e = *impl_;
+    if (!e.course) return e.shown;
+    const bool all = e.settings.keep_path || e.settings.request.estimator == "batch";
+    return all ? e.course->estimator().estimate() : e.newest();
+}
+
+std::vector<StatusEntry> MotionEstimator::status() const {
+    return impl_->course ? impl_->course->estimator().status() : std::vector<StatusEntry>();
+}
+
+MotionEstimator::LeftOut MotionEstimator::left_out() const {
+    if (!impl_->course) return {};
+    const CourseCounts counts = impl_->course->counts();
+    return {counts.repeated_messages, counts.late_messages, counts.dropped_images};
 }
 
 const Rig& MotionEstimator::rig() const {
-    const auto& refined = impl_->result.rig;
+    const auto& course = impl_->course;
+    const bool batch = impl_->settings.request.estimator == "batch";
+    const RefinedRig* refined = course && batch ? course->estimator().refined_rig() : nullptr;
     return refined ? refined->rig : impl_->sensors.rig;
 }
 

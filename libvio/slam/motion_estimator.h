@@ -3,7 +3,7 @@
 //     auto estimator = std::dynamic_pointer_cast<vio::MotionEstimator>(
 //         mrpt::rtti::classFactory("vio::RecursiveEstimator"));
 //     estimator->process(*observation);                      // for each, in order of arrival
-//     if (auto pose = estimator->newest_pose()) use(pose->pdf);
+//     if (auto pose = estimator->newest_pose(); pose && !pose->lost) use(pose->pdf);
 //     estimator->finish();
 #pragma once
 
@@ -15,9 +15,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libvio/base/estimate.h"
 #include "libvio/camera/rig.h"
+#include "libvio/recursive/status.h"
 
 namespace vio {
 
@@ -37,20 +39,28 @@ class MotionEstimator : public mrpt::rtti::CObject {
     void load_options(const std::string& ini_file);
     /// One option: "section.name=value".
     void set_option(const std::string& assignment);
-    /// Calibration that overrides that of the observations (share/formats.md).
+    /// Calibration that overrides that of the observations, key by key (share/formats.md); called
+    /// again, it overrides that of the files before. Throws for a missing file; the others are read
+    /// when the observations have told what they complete, in process().
     void set_calibration(const std::string& file);
     /// Sensors to use among several; empty: the first.
     void set_labels(const std::string& camera, const std::string& imu);
     /// From images alone.
     void ignore_imu();
+    /// All of the recursive estimator's path stays in memory, for estimate(): about 2 kB for each
+    /// image. Without this, memory does not grow with time. (The batch needs all in any case.)
+    void keep_path();
 
     // ---- Observations ------------------------------------------------------------------------
 
-    /// Observations of other sensors and kinds are passed over. What comes before both the camera
-    /// and the IMU are known waits for them. Throws InputError for what no sensor can have
-    /// measured, for images without calibration, and if one sensor stays silent for 10 s.
+    /// In any order within iekf.message_window (0.1 s); what comes later than that or twice is left
+    /// out and counted. Observations of other sensors and kinds are passed over. What comes before
+    /// both the camera and the IMU are known waits for them. Throws InputError for what no sensor
+    /// can have measured (left out; go on with the next), for images without calibration, and if
+    /// one sensor stays silent for 10 s.
     void process(const mrpt::obs::CObservation& observation);
-    /// Call once after the last one. Throws InputError where nothing can be estimated.
+    /// Call once after the last one. Throws InputError, with the last status, where no pose has
+    /// been estimated, and where the batch estimate has not converged.
     void finish();
 
     // ---- The estimate ------------------------------------------------------------------------
@@ -59,13 +69,26 @@ class MotionEstimator : public mrpt::rtti::CObject {
     struct StampedPose {
         mrpt::Clock::time_point stamp;
         mrpt::poses::CPose3DPDFGaussian pdf;  ///< T_W_B: the vehicle in the world, z up
+        bool lost = false;  ///< track was lost: the pose is an extrapolation, not to be relied on
     };
     /// Of the last image that has been estimated; nothing before the start (of the batch: before
-    /// finish()).
+    /// finish()). An image's pose comes once there are measurements two message windows later.
     std::optional<StampedPose> newest_pose() const;
-    /// Everything estimated so far.
+    /// Recursive: the newest state and the landmarks in the filter; after keep_path() everything so
+    /// far. Batch: everything, after finish(). Valid until the next call of a function that is not
+    /// const.
     const Estimate& estimate() const;
-    /// Calibration in use; its camera is null before the first image.
+    /// What happened so far, in words: starts and why there was none, losses of track.
+    std::vector<StatusEntry> status() const;
+    /// Observations that were left out so far.
+    struct LeftOut {
+        int repeated = 0;  ///< of the same stamp as another of their sensor
+        int late = 0;      ///< by more than iekf.message_window
+        int images = 0;    ///< outside the IMU's readings
+    };
+    LeftOut left_out() const;
+    /// Calibration in use, of the batch after finish() as it was found; its camera is null before
+    /// the first image.
     const Rig& rig() const;
 
  protected:

@@ -1,5 +1,7 @@
 #include "libvio/tracking/front_end.h"
 
+#include <algorithm>
+
 #include "libvio/tracking/gyro_prediction.h"
 
 namespace vio {
@@ -26,12 +28,14 @@ std::vector<FeatureFrame> TrackingFrontEnd::finish() {
     return frames;
 }
 
-// Readings older than the last tracked image and all that wait are no longer needed.
+// Readings older than the last tracked image and all that wait are no longer needed, nor any after
+// a long time without images.
 void TrackingFrontEnd::add_reading(const ImuReading& reading) {
+    constexpr TimeNs kLongestGap = 60LL * 1000000000LL;
     imu_.push_back(reading);
     const TimeNs offset = from_seconds(rig_.time_offset);
     if (last_image_)
-        imu_.drop_before(*last_image_ + offset);
+        imu_.drop_before(std::max(*last_image_ + offset, reading.t - kLongestGap));
     else if (waiting_.empty())
         imu_.drop_before(reading.t - from_seconds(1));
 }

@@ -31,17 +31,19 @@ int follow(const std::string& name, const std::string& rawlog, const std::string
     if (!file.open(rawlog)) throw std::runtime_error(rawlog + ": cannot be read");
     auto archive = mrpt::serialization::archiveFrom(file);
     mrpt::Clock::time_point printed;
+    const auto print_new = [&] {  // but for poses that are guesses, without track of the scene
+        const auto pose = estimator->newest_pose();
+        if (pose && !pose->lost && pose->stamp != printed) print(*pose), printed = pose->stamp;
+    };
     try {
         while (true) {
-            const auto observation = archive.ReadObject<mrpt::obs::CObservation>();
-            estimator->process(*observation);
-            const auto pose = estimator->newest_pose();
-            if (pose && pose->stamp != printed) print(*pose), printed = pose->stamp;
+            estimator->process(*archive.ReadObject<mrpt::obs::CObservation>());
+            print_new();
         }
     } catch (const mrpt::serialization::CExceptionEOF&) {  // the end of the rawlog
     }
     estimator->finish();
-    if (const auto pose = estimator->newest_pose(); pose && pose->stamp != printed) print(*pose);
+    print_new();
     return 0;
 }
 

@@ -1,25 +1,21 @@
-#include "app/estimator.h"
+#include "libvio/slam/estimator.h"
 
-#include <map>
-#include <optional>
 #include <sstream>
 #include <utility>
 
+#include "libvio/base/errors.h"
 #include "libvio/batch/rig_refinement.h"
-#include "libvio/calibration/board_file.h"
-#include "libvio/io/results.h"
 
-namespace vio::app {
+namespace vio {
 namespace {
 
 // Collects everything; the estimate is made in finish().
 class Batch final : public Estimator {
  public:
-    Batch(const RunRequest& request, const Rig& rig) : options_(request.options.batch) {
+    Batch(const EstimationRequest& request, const Rig& rig)
+        : options_(request.options.batch), start_(request.start) {
         problem_.rig = rig;
-        if (!request.fiducials_file.empty())
-            problem_.fiducials = read_fiducials(request.fiducials_file);
-        if (!request.start_folder.empty()) start_ = read_results(request.start_folder);
+        problem_.fiducials = request.fiducials;
         if ((options_.start != "auto" && options_.start != "iekf") || start_) return;
         starter_.emplace(rig, request.options.iekf, options_, request.use_imu);
     }
@@ -33,21 +29,19 @@ class Batch final : public Estimator {
         if (starter_) starter_->add(frame);
     }
     void finish() override {
-        if (starter_) {
-            starter_->finish();
-            start_ = starter_->take();
-        }
-        if (start_ && start_->states.empty())
-            result_.report.reason = "the recursive estimator gave no start";
+        if (starter_)
+            finish_from_filter();
         else
             result_ = estimate_batch(problem_, options_, start_);
-        if (starter_ && options_.start == "auto" && !result_.report.converged) start_anew();
+        if (!result_.estimate.states.empty()) newest_ = result_.estimate.states.back();
     }
 
     Estimate take() override { return std::exchange(result_.estimate, {}); }
-    std::vector<LandmarkEstimate> landmarks() const override { return {}; }
+    const Estimate& estimate() const override { return result_.estimate; }
+    const StateEstimate* newest() const override { return newest_ ? &*newest_ : nullptr; }
     std::string report() const override {
         const BatchReport& r = result_.report;
+        if (!newest_) return r.reason;
         std::ostringstream text;
         text << r.reason << ", " << r.iterations << " iterations, cost " << r.final_cost
              << " (image " << r.image_cost << ", inertial " << r.inertial_cost << ", prior "
@@ -56,8 +50,8 @@ class Batch final : public Estimator {
         if (r.scale_sigma > 0) text << ", scale known to " << 100 * r.scale_sigma << " %";
         return text.str();
     }
-    std::vector<StatusEntry> events() const override {
-        return starter_ ? starter_->status() : std::vector<StatusEntry>{};
+    const std::vector<StatusEntry>& status() const override {
+        return starter_ ? starter_->status() : no_status_;
     }
     bool converged() const override { return result_.report.converged; }
     int iterations() const override { return result_.report.iterations; }
@@ -66,20 +60,34 @@ class Batch final : public Estimator {
     std::vector<PredictedFeature> predict(TimeNs) const override { return {}; }
 
  private:
-    // Grows the estimate from a prefix instead; keeps what there is if that is no better.
-    void start_anew() {
+    // The recursive estimate is the start. With `auto`, where that does not lead to a minimum, the
+    // estimate is grown from a prefix instead; what there is is kept if that is no better.
+    void finish_from_filter() {
+        starter_->finish();
+        const Estimate start = starter_->take();
+        if (start.states.empty())
+            result_.report.reason = "the recursive estimator gave no start: " + why_no_start();
+        else
+            result_ = estimate_batch(problem_, options_, start);
+        if (options_.start != "auto" || result_.report.converged) return;
         BatchResult grown = estimate_batch(problem_, options_);
         if (!grown.report.converged && !result_.estimate.states.empty()) return;
-        grown.report.reason +=
-            " (from a staged start; from the recursive estimate: " + result_.report.reason + ")";
+        const std::string led_to = start.states.empty() ? "" : "from the recursive estimate: ";
+        grown.report.reason += " (from a staged start; " + led_to + result_.report.reason + ")";
         result_ = std::move(grown);
+    }
+
+    std::string why_no_start() const {
+        return starter_->status().empty() ? "too few images" : starter_->status().back().text;
     }
 
     BatchProblem problem_;
     BatchOptions options_;
     std::optional<Iekf> starter_;    // if the start is to come from it
-    std::optional<Estimate> start_;  // from it, or given
+    std::optional<Estimate> start_;  // that was given
     BatchResult result_;
+    std::optional<StateEstimate> newest_;
+    std::vector<StatusEntry> no_status_;
 };
 
 class Recursive final : public Estimator {
@@ -94,17 +102,12 @@ class Recursive final : public Estimator {
         rig_ = filter_.refined_rig();
     }
 
-    Estimate take() override {
-        Estimate piece = filter_.take();
-        started_ = started_ || !piece.states.empty();
-        return piece;
-    }
-    std::vector<LandmarkEstimate> landmarks() const override {
-        return filter_.estimate().landmarks;
-    }
+    Estimate take() override { return filter_.take(); }
+    const Estimate& estimate() const override { return filter_.estimate(); }
+    const StateEstimate* newest() const override { return filter_.newest(); }
     std::string report() const override { return ""; }
-    std::vector<StatusEntry> events() const override { return filter_.status(); }
-    bool converged() const override { return started_; }
+    const std::vector<StatusEntry>& status() const override { return filter_.status(); }
+    bool converged() const override { return filter_.newest() != nullptr; }
     int iterations() const override { return 0; }
     const RefinedRig* refined_rig() const override { return rig_ ? &*rig_ : nullptr; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
@@ -112,21 +115,26 @@ class Recursive final : public Estimator {
 
  private:
     Iekf filter_;
-    bool started_ = false;
     std::optional<RefinedRig> rig_;
 };
 
 }  // namespace
 
-std::unique_ptr<Estimator> make_estimator(const RunRequest& request, const Rig& rig) {
-    const PipelineOptions& options = request.options;
+void EstimationOptions::describe(OptionSet& options) {
+    tracker.describe(options);
+    batch.describe(options);
+    iekf.describe(options);
+}
+
+std::unique_ptr<Estimator> make_estimator(const EstimationRequest& request, const Rig& rig) {
+    const EstimationOptions& options = request.options;
     if (request.estimator == "batch") return std::make_unique<Batch>(request, rig);
     if (batch::rig_unknowns(rig, options.batch).count() > 0)
         throw InputError(
             "options: batch.intrinsics_sigma, extrinsics_*_sigma and time_offset_sigma act with "
-            "--estimator batch; the recursive estimator has iekf.camera_rotation_sigma, "
-            "camera_position_sigma and time_offset_sigma");
+            "the batch estimator (--estimator batch); the recursive estimator has "
+            "iekf.camera_rotation_sigma, camera_position_sigma and time_offset_sigma");
     return std::make_unique<Recursive>(rig, options.iekf, options.batch, request.use_imu);
 }
 
-}  // namespace vio::app
+}  // namespace vio
