@@ -23,8 +23,9 @@ run(${WORK}/build/follow_motion vio::RecursiveEstimator ${SOURCE}/datasets/demo.
 file(WRITE ${WORK}/followed.tum "${out}")
 string(REGEX MATCHALL "\n" poses "${out}")
 list(LENGTH poses poses)
-# The start may wait for two prefixes, 120 of the 152 images, until gravity is known.
-if(poses LESS 30)
+# The start may wait for two prefixes, 120 of the 152 images, until gravity is known; the poses of the
+# last two message windows, 0.2 s, come with the end.
+if(poses LESS 24)
   message(FATAL_ERROR "only ${poses} poses came one by one")
 endif()
 run(${program} evaluate ${WORK}/run --against ${WORK}/followed.tum --align none --max-gap 0.05
