@@ -47,8 +47,8 @@ class MotionEstimator : public mrpt::rtti::CObject {
     void set_labels(const std::string& camera, const std::string& imu);
     /// From images alone.
     void ignore_imu();
-    /// All of the recursive estimator's path stays in memory, for estimate(): about 2 kB for each
-    /// image. Without this, memory does not grow with time. (The batch needs all in any case.)
+    /// All of the recursive estimator's path stays in memory, for estimate(): about 4 kB for each
+    /// image. Without this, memory does not grow with time. (The batch keeps all in any case.)
     void keep_path();
 
     // ---- Observations ------------------------------------------------------------------------

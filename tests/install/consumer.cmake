@@ -37,6 +37,15 @@ if(worst GREATER 1e-6 OR worst_deg GREATER 1e-4)
   message(FATAL_ERROR "the poses differ: ${worst} m, ${worst_deg} deg")
 endif()
 
+# Two images make no path: that is told, too.
+run(${program} simulate ${SOURCE}/datasets/stress/base.ini --set camera.count=2
+    --output ${WORK}/two.rawlog)
+execute_process(COMMAND ${WORK}/build/follow_motion vio::RecursiveEstimator ${WORK}/two.rawlog
+                ${WORK}/two.calibration.ini RESULT_VARIABLE result ERROR_VARIABLE err)
+if(NOT result EQUAL 1 OR NOT err MATCHES "no pose could be estimated")
+  message(FATAL_ERROR "a recording without a pose gives ${result}: ${err}")
+endif()
+
 # What no estimator is called, and what is no rawlog, is told in one line.
 execute_process(COMMAND ${WORK}/build/follow_motion vio::Nonsense x y RESULT_VARIABLE result
                 ERROR_VARIABLE err)

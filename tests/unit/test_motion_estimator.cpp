@@ -8,6 +8,7 @@
 
 #include "libvio/base/errors.h"
 #include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/sensors.h"
 #include "libvio/recursive/iekf.h"
 #include "libvio/slam/motion_estimator.h"
 #include "tests/simulated_run.h"
@@ -325,6 +326,20 @@ TEST(MotionEstimator, OfTheFilterKnowsTheNewestStateWhenItWasTaken) {
     EXPECT_TRUE(filter.take().states.empty());
     ASSERT_TRUE(filter.newest());
     EXPECT_EQ(filter.newest()->t, t);
+}
+
+// A second camera goes by without a trace for each of its images.
+TEST(MotionEstimator, RemembersOtherCamerasByName) {
+    const auto run = short_run(0.5);
+    Sensors sensors;
+    sensors.see(observation_of(run.frames[0], run.rig), {});
+    for (const FeatureFrame& frame : run.frames) {
+        CObservationFeatures other = observation_of(frame, run.rig);
+        other.sensorLabel = "right";
+        sensors.see(other, {});
+    }
+    EXPECT_EQ(sensors.camera_label, "cam");
+    EXPECT_EQ(sensors.other_cameras, " 'right'");
 }
 
 TEST(MotionEstimator, SaysWhichSensorStaysSilent) {
