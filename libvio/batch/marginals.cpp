@@ -315,8 +315,14 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
         body.estimate.features = features[i];
         estimate.states.push_back(body.estimate);
     }
-    if (marginals && model.inertial)
+    if (marginals && model.inertial) {
         estimate.gravity_covariance = A * marginals->gravity() * A.transpose();
+        // Where gravity makes W's z axis, its tilt is that of the poses and landmarks.
+        if (gauge.depends_on_gravity) {
+            const double along = estimate.gravity_covariance(2, 2);
+            estimate.gravity_covariance = Eigen::Vector3d(0, 0, along).asDiagonal();
+        }
+    }
     for (size_t j = 0; j < model.points.size(); ++j) {
         LandmarkEstimate landmark;
         landmark.id = model.points[j].id;
