@@ -40,8 +40,8 @@ class MotionEstimator : public mrpt::rtti::CObject {
     /// One option: "section.name=value".
     void set_option(const std::string& assignment);
     /// Calibration that overrides that of the observations, key by key (share/formats.md); called
-    /// again, it overrides that of the files before. Throws for a missing file only: process() reads
-    /// them, and throws, when the observations have told what they complete.
+    /// again, it overrides that of the files before. Throws for a missing file only: process()
+    /// reads them, and throws, when the observations have told what they complete.
     void set_calibration(const std::string& file);
     /// Sensors to use among several; empty: the first.
     void set_labels(const std::string& camera, const std::string& imu);
