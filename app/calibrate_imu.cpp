@@ -5,6 +5,7 @@
 
 #include "app/calibrate.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/allan_deviation.h"
 #include "libvio/io/calibration_file.h"
@@ -34,6 +35,7 @@ std::vector<ImuReading> read_rawlog(const std::string& file, const std::string& 
         if (const auto* reading = std::get_if<ImuReading>(&*message)) readings.push_back(*reading);
         progress.update(recording.progress());
     }
+    print_left_out(recording.left_out());
     if (readings.empty()) throw InputError(file + ": holds no IMU readings (CObservationIMU)");
     return readings;
 }

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/description.h"
@@ -107,6 +108,7 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
         }
         progress.update(recording.progress());
     }
+    print_left_out(recording.left_out());
     std::sort(views.frames.begin(), views.frames.end(),
               [](const FeatureFrame& a, const FeatureFrame& b) { return a.t < b.t; });
     const auto repeated =

@@ -73,6 +73,8 @@ std::vector<Finding> judge(const Arguments& arguments, const TrackerOptions& opt
     }
     std::vector<Finding> findings = check.findings();
     findings.insert(findings.begin(), file_finding(damage));
+    const auto left_out = left_out_findings(recording.left_out());
+    findings.insert(findings.begin() + 1, left_out.begin(), left_out.end());
     if (!recording.has_imu())
         findings.push_back({Grade::warning, "IMU", "none in the recording", "",
                             "only --sensors image will work, without scale"});

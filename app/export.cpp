@@ -5,6 +5,7 @@
 #include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/asl_export.h"
 #include "libvio/io/export.h"
@@ -33,6 +34,7 @@ void export_recording(const Arguments& arguments) {
     if (report.left_out > 0)
         std::cout << "left out: " << report.left_out
                   << " odometry and GPS readings, for which the layout has no place\n";
+    print_left_out(report.unusable);
 }
 
 void run(const Arguments& arguments) {

@@ -7,6 +7,7 @@
 #include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/base/angles.h"
 #include "libvio/io/asl_import.h"
 #include "libvio/io/csv_import.h"
@@ -30,10 +31,8 @@ void run(const std::string& output, const Import& import) {
               << " feature frames, " << report.imu_readings << " IMU readings, ";
     if (report.gps_fixes > 0) std::cout << report.gps_fixes << " GPS fixes, ";
     std::cout << to_seconds(report.last - report.first) << " s\n";
-    if (report.left_out > 0)
-        std::cout << "left out: " << report.left_out
-                  << " readings with repeated stamps, stamps that step back, or no accelerometer "
-                     "beside\n";
+    std::cout << std::flush;
+    print_left_out(report.left_out);
     if (!report.truth_file.empty())
         std::cout << report.truth_file << ": " << report.truth_poses << " true poses (T_W_B)\n";
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "app/run_output.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/check/recording_check.h"
@@ -191,7 +192,13 @@ void read(Recording& recording, Run& run, Part part, RunReport& report) {
         if (part.is_over()) break;
         progress.update(recording.progress());
     }
-    run.finish();
+}
+
+void tell_left_out(const Recording& recording, const RunRequest& request, RunReport& report) {
+    for (const Finding& finding : left_out_findings(recording.left_out())) {
+        request.warn(finding);
+        report.warnings.push_back(finding);
+    }
 }
 
 void summarise(const WrittenPath& written, RunReport& report) {
@@ -251,6 +258,8 @@ RunReport run_pipeline(const RunRequest& request) {
     check_sensors(recording, request);
     Run run(request, recording.rig(), recording.has_features(), report);
     read(recording, run, Part(request), report);
+    tell_left_out(recording, request, report);
+    run.finish();
     RunOutput& output = run.output();
     if (output.written().poses == 0)
         throw InputError(!report.damage.empty() ? report.damage

@@ -91,4 +91,17 @@ void print_calibration(const Recording& recording) {
     std::fflush(stdout);
 }
 
+void print_left_out(const LeftOutList& left_out) {
+    for (const LeftOut& kind : left_out.kinds())
+        std::printf("left out: %s\n", one_line(kind).c_str());
+    std::fflush(stdout);
+}
+
+std::vector<Finding> left_out_findings(const LeftOutList& left_out) {
+    std::vector<Finding> findings;
+    for (const LeftOut& kind : left_out.kinds())
+        findings.push_back({Grade::warning, "left out", one_line(kind), "", ""});
+    return findings;
+}
+
 }  // namespace vio::app

@@ -1,9 +1,11 @@
-// What `info` and `check` print of a recording.
+// What the commands print of a recording.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
+#include "libvio/check/finding.h"
 #include "libvio/io/rawlog_info.h"
 #include "libvio/io/recording.h"
 
@@ -18,5 +20,10 @@ std::string print_streams(const std::string& rawlog);
 
 /// Prints the calibration in both directions.
 void print_calibration(const Recording& recording);
+
+/// Prints a line for each kind of measurement that was left out.
+void print_left_out(const LeftOutList& left_out);
+/// The same as warnings.
+std::vector<Finding> left_out_findings(const LeftOutList& left_out);
 
 }  // namespace vio::app

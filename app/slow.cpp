@@ -4,6 +4,7 @@
 
 #include "app/commands.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/simulation/slow.h"
 
 namespace vio::app {
@@ -26,6 +27,7 @@ void run(Arguments arguments) {
     std::printf("%s: %d images, %d feature frames, %d IMU readings (of %d)\n",
                 arguments.output.c_str(), report.images, report.feature_frames, report.readings_out,
                 report.readings_in);
+    print_left_out(report.left_out);
     for (const std::string& file : report.truth_files) std::printf("%s\n", file.c_str());
     if (report.readings_in > 0)
         std::printf(

@@ -9,6 +9,7 @@
 #include "app/commands.h"
 #include "app/pipeline.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/tracking/front_end.h"
 
@@ -110,6 +111,7 @@ void run(const Arguments& arguments) {
     const std::string damage = track(recording, front_end, arguments.keep_images, writer, summary);
     writer.finish();
     summary.print(arguments.output);
+    print_left_out(recording.left_out());
     if (!damage.empty())
         throw InputError(damage + "; the tracks up to there are in " + arguments.output);
 }

@@ -183,6 +183,7 @@ AslExportReport export_asl(const std::string& rawlog_file, const std::string& di
         if (truth.empty() && fs::exists(beside)) truth = beside.string();
         if (!truth.empty()) exporter.put_truth(truth);
         exporter.finish(recording.rig(), rawlog_file);
+        exporter.report.unusable = recording.left_out();
         fs::rename(partial, root);
         return exporter.report;
     } catch (...) {

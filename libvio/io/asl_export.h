@@ -17,7 +17,8 @@ struct AslExportOptions {
 /// What was exported.
 struct AslExportReport {
     int images = 0, feature_frames = 0, imu_readings = 0, truth_poses = 0;
-    int left_out = 0;  ///< odometry and GPS messages, for which the layout has no place
+    int left_out = 0;      ///< odometry and GPS messages, for which the layout has no place
+    LeftOutList unusable;  ///< see Recording::left_out
 };
 
 /// Writes DIR/mav0 with cam0 (sensor.yaml, data.csv, data/STAMP.png as 8-bit grey, features.csv),

@@ -32,11 +32,12 @@ class ImuSource final : public MeasurementSource {
         return true;
     }
 
-    Message message() override { return parse_imu_reading(row_); }
-
     double progress() const override { return row_.progress(); }
 
  private:
+    const char* what() const override { return "IMU readings"; }
+    Message message() override { return parse_imu_reading(row_); }
+
     TextRows row_;
 };
 
@@ -68,10 +69,12 @@ class FeatureSource final : public MeasurementSource {
         return true;
     }
 
-    Message message() override { return frame_; }
     double progress() const override { return row_.progress(); }
 
  private:
+    const char* what() const override { return "feature frames"; }
+    Message message() override { return frame_; }
+
     bool same_frame() const {
         row_.require(4);
         return row_.integer(0) == frame_.t;
@@ -80,7 +83,12 @@ class FeatureSource final : public MeasurementSource {
     void add_row() {
         FeatureObservation feature;
         feature.feature_id = row_.integer(1);
-        feature.uv_px = {row_.number(2), row_.number(3)};
+        try {
+            feature.uv_px = {row_.number(2), row_.number(3)};
+        } catch (const UnusableMeasurement& reason) {
+            left_out_.add("features", reason.what());
+            return;
+        }
         if (!ids_.insert(feature.feature_id).second)
             throw row_.error("feature " + std::to_string(feature.feature_id) +
                              " appears twice in one image");

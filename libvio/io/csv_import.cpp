@@ -14,6 +14,8 @@ namespace fs = std::filesystem;
 // Distance of two accelerometer readings between which nothing is known of what happened.
 constexpr TimeNs kLargestGap = 100'000'000;
 
+constexpr const char* kReadings = "IMU readings";
+
 std::string_view unquoted(std::string_view text) {
     if (text.size() >= 2 && text.front() == '"' && text.back() == '"')
         text = trimmed(text.substr(1, text.size() - 2));
@@ -37,7 +39,9 @@ std::optional<TimeNs> parse_time(std::string_view text, const std::string& unit)
 // The chosen columns of a table, row by row, in order of time.
 class TableRows {
  public:
-    explicit TableRows(const CsvTable& table) : table_(table), row_(table.file) {
+    // Rows with the stamp of the one before are passed over and added to left_out.
+    TableRows(const CsvTable& table, LeftOutList& left_out)
+        : table_(table), left_out_(left_out), row_(table.file) {
         if (!row_.next()) throw InputError(table.file + ": holds no rows");
         names_row_ = !parse_double(unquoted(row_.text(0)));
         for (const std::string& column : table.columns) columns_.push_back(find(column));
@@ -45,7 +49,6 @@ class TableRows {
         fresh_ = !names_row_;
     }
 
-    // Rows with the stamp of the one before are passed over and counted.
     bool next() {
         while (fresh_ || row_.next()) {
             fresh_ = false;
@@ -60,7 +63,7 @@ class TableRows {
             started_ = true;
             t_ = *t;
             if (!repeated) return true;
-            ++repeated_;
+            left_out_.add("rows with a repeated stamp", row_.place());
         }
         return false;
     }
@@ -71,16 +74,11 @@ class TableRows {
         return std::string(unquoted(row_.text(columns_[column])));
     }
     double number(size_t column) const {
-        const auto value = parse_double(unquoted(row_.text(columns_[column])));
-        if (!value)
-            throw row_.error("'" + std::string(row_.text(columns_[column])) +
-                             "' is not a finite number");
-        return *value;
+        return row_.number(unquoted(row_.text(columns_[column])));
     }
     Eigen::Vector3d vector(size_t column) const {
         return {number(column), number(column + 1), number(column + 2)};
     }
-    int repeated() const { return repeated_; }
     double progress() const { return row_.progress(); }
     std::string place() const { return row_.place(); }
     InputError error(const std::string& problem) const { return row_.error(problem); }
@@ -100,59 +98,77 @@ class TableRows {
     }
 
     CsvTable table_;
+    LeftOutList& left_out_;
     TextRows row_;
     std::vector<size_t> columns_;
     size_t needed_ = 0;
     bool names_row_ = false, fresh_ = false, started_ = false;
     TimeNs t_ = 0;
-    int repeated_ = 0;
 };
 
 class CsvImuSource final : public MeasurementSource {
  public:
     explicit CsvImuSource(const CsvImportOptions& options)
-        : gyro_(options.gyro), gyro_unit_(options.gyro_unit), accel_unit_(options.accel_unit) {
+        : gyro_(options.gyro, left_out_),
+          gyro_unit_(options.gyro_unit),
+          accel_unit_(options.accel_unit) {
         if (options.accel.file.empty()) return;
-        accel_ = std::make_unique<TableRows>(options.accel);
+        accel_ = std::make_unique<TableRows>(options.accel, left_out_);
         more_ = step();
     }
 
     bool advance() override {
         while (gyro_.next()) {
-            reading_.t = gyro_.time();
-            reading_.gyro = gyro_unit_ * gyro_.vector(1);
-            if (accel_) {
-                const auto accel = accel_at(reading_.t);
-                if (!accel) {
-                    ++outside_;
-                    continue;
-                }
-                reading_.accel = *accel;
-            } else {
-                reading_.accel = accel_unit_ * gyro_.vector(4);
-            }
+            if (!read_row()) continue;
             set_time(reading_.t, gyro_);
             return true;
         }
         return false;
     }
 
-    Message message() override { return reading_; }
     double progress() const override { return gyro_.progress(); }
-    int left_out() const override { return outside_ + gyro_.repeated(); }
 
  private:
+    const char* what() const override { return kReadings; }
+    Message message() override { return reading_; }
+
+    // False where the row gives no reading, which is noted.
+    bool read_row() {
+        try {
+            reading_.t = gyro_.time();
+            reading_.gyro = gyro_unit_ * gyro_.vector(1);
+            if (!accel_) reading_.accel = accel_unit_ * gyro_.vector(4);
+        } catch (const UnusableMeasurement& reason) {
+            left_out_.add(kReadings, reason.what());
+            return false;
+        }
+        if (!accel_) return true;
+        const auto accel = accel_at(reading_.t);
+        if (accel)
+            reading_.accel = *accel;
+        else
+            left_out_.add("gyro readings with no accelerometer beside", gyro_.place());
+        return accel.has_value();
+    }
+
     struct Accel {
         TimeNs t = 0;
         Eigen::Vector3d value = Eigen::Vector3d::Zero();
     };
 
     bool step() {
-        if (!accel_->next()) return false;
-        before_ = after_;
-        after_ = {accel_->time(), accel_unit_ * accel_->vector(1)};
-        ++steps_;
-        return true;
+        while (accel_->next()) {
+            try {
+                const Accel read{accel_->time(), accel_unit_ * accel_->vector(1)};
+                before_ = after_;
+                after_ = read;
+                ++steps_;
+                return true;
+            } catch (const UnusableMeasurement& reason) {
+                left_out_.add("accelerometer readings", reason.what());
+            }
+        }
+        return false;
     }
 
     std::optional<Eigen::Vector3d> accel_at(TimeNs t) {
@@ -169,7 +185,7 @@ class CsvImuSource final : public MeasurementSource {
     double gyro_unit_, accel_unit_;
     std::unique_ptr<TableRows> accel_;
     Accel before_, after_;
-    int steps_ = 0, outside_ = 0;
+    int steps_ = 0;
     bool more_ = false;
     ImuReading reading_;
 };
@@ -185,7 +201,8 @@ std::vector<fs::path> files_by_name(const fs::path& dir) {
 std::vector<ImageFile> read_images(const CsvImportOptions& options) {
     fs::path dir = options.images_dir;
     if (dir.empty()) dir = fs::path(options.images.file).parent_path();
-    TableRows rows(options.images);
+    LeftOutList repeated;
+    TableRows rows(options.images, repeated);
     const bool named = rows.size() > 1;
     std::vector<fs::path> files;
     if (!named) files = files_by_name(dir);
@@ -197,8 +214,8 @@ std::vector<ImageFile> read_images(const CsvImportOptions& options) {
         images.push_back(
             {rows.time(), named ? dir / rows.text(1) : files[images.size()], rows.place()});
     }
-    if (rows.repeated() > 0)
-        throw InputError(options.images.file + ": " + std::to_string(rows.repeated()) +
+    if (!repeated.empty())
+        throw InputError(options.images.file + ": " + std::to_string(repeated.total()) +
                          " images have the time stamp of the one before; is the unit right?");
     if (!named && images.size() != files.size())
         throw InputError(options.images.file + ": has " + std::to_string(images.size()) +

@@ -70,7 +70,7 @@ struct Oxts {
     std::vector<ImuReading> imu;
     std::vector<GpsMessage> gps;
     std::vector<TimedPose> truth;
-    int left_out = 0;
+    LeftOutList left_out;
 };
 
 Eigen::Matrix3d rotation(double roll, double pitch, double yaw) {
@@ -96,14 +96,19 @@ Oxts read_oxts(const fs::path& dir) {
     for (size_t i = 0; i < stamps.size(); ++i) {
         const TimeNs t = stamps[i].t;
         if (!oxts.truth.empty() && t <= oxts.truth.back().t) {
-            ++oxts.left_out;
+            oxts.left_out.add("OXTS packets whose stamps do not increase", stamps[i].place);
             continue;
         }
         TextRows row((dir / "data" / numbered(i, ".txt")).string());
         if (!row.next()) throw InputError(row.file() + ": is empty; expected a packet of values");
         row.require(*std::max_element(columns.begin(), columns.end()) + 1);
         std::array<double, kFieldNames.size()> v{};
-        for (size_t f = 0; f < v.size(); ++f) v[f] = row.number(columns[f]);
+        try {
+            for (size_t f = 0; f < v.size(); ++f) v[f] = row.number(columns[f]);
+        } catch (const UnusableMeasurement& reason) {
+            oxts.left_out.add("OXTS packets", reason.what());
+            continue;
+        }
         oxts.imu.push_back({t, {v[kWx], v[kWy], v[kWz]}, {v[kAx], v[kAy], v[kAz]}});
         oxts.gps.push_back({t, v[kLat], v[kLon], v[kAlt], fix_quality(v[kPosMode])});
         const Geodetic place{v[kLat], v[kLon], v[kAlt]};
@@ -174,7 +179,7 @@ ImportReport import_kitti(const std::string& dir, const std::string& out_rawlog,
     writer_options.imu_label = "oxts";
     writer_options.external_images = options.external_images;
     ImportReport report;
-    report.left_out = oxts.left_out;
+    report.left_out = std::move(oxts.left_out);
     MeasurementSources sources;
     const std::string name = (drive / "oxts").string();
     sources.push_back(std::make_unique<StoredSource<ImuReading>>(std::move(oxts.imu), name));

@@ -21,21 +21,24 @@ class ImageFileSource final : public MeasurementSource {
         return true;
     }
 
+    double progress() const override {
+        return static_cast<double>(next_) / static_cast<double>(files_.size());
+    }
+
+ private:
+    const char* what() const override { return "images"; }
+
     Message message() override {
         const ImageFile& file = files_[next_ - 1];
         const cv::Mat image = fs::is_regular_file(file.path)
                                   ? cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE)
                                   : cv::Mat();
         if (image.empty())
-            throw file.error("image " + file.path.string() + " is missing or damaged");
+            throw UnusableMeasurement(file.place + ": image " + file.path.string() +
+                                      " is missing or damaged");
         return ImageMessage{time(), image};
     }
 
-    double progress() const override {
-        return static_cast<double>(next_) / static_cast<double>(files_.size());
-    }
-
- private:
     std::vector<ImageFile> files_;
     size_t next_ = 0;
 };
@@ -53,10 +56,25 @@ std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> file
     return std::make_unique<ImageFileSource>(std::move(files));
 }
 
+std::optional<Message> MeasurementSource::take() {
+    try {
+        Message taken = message();
+        any_taken_ = true;
+        return taken;
+    } catch (const UnusableMeasurement& reason) {
+        left_out_.add(what(), reason.what());
+        return {};
+    }
+}
+
 void merge_sources(MeasurementSources sources, RawlogWriter& writer, ImportReport& report,
                    const std::function<void(double)>& progress) {
     const auto drop = [&](MeasurementSources::iterator source) {
-        report.left_out += (*source)->left_out();
+        const LeftOutList& left_out = (*source)->left_out();
+        if (!(*source)->any_taken() && !left_out.empty())
+            throw InputError(left_out.kinds()[0].first +
+                             "; so all had to be left out: " + std::to_string(left_out.total()));
+        report.left_out.add(left_out);
         return sources.erase(source);
     };
     for (auto source = sources.begin(); source != sources.end();)
@@ -67,12 +85,13 @@ void merge_sources(MeasurementSources sources, RawlogWriter& writer, ImportRepor
         const auto earliest = std::min_element(
             sources.begin(), sources.end(), [](auto& a, auto& b) { return a->time() < b->time(); });
         MeasurementSource& source = **earliest;
-        const Message message = source.message();
-        writer.write(message);
-        count(message, report);
-        if (first) report.first = source.time();
-        first = false;
-        report.last = source.time();
+        if (const auto message = source.take()) {
+            writer.write(*message);
+            count(*message, report);
+            if (first) report.first = source.time();
+            first = false;
+            report.last = source.time();
+        }
         if (progress) progress(source.progress());
         if (!source.advance()) drop(earliest);
     }

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,7 @@ namespace vio {
 /// What was imported.
 struct ImportReport {
     int images = 0, feature_frames = 0, imu_readings = 0, gps_fixes = 0, truth_poses = 0;
-    int left_out = 0;            ///< readings that no measurement could be made of
+    LeftOutList left_out;        ///< readings that no measurement could be made of
     TimeNs first = 0, last = 0;  ///< stamps of the first and last measurement
     std::string truth_file;      ///< X.truth.tum, empty if there was no ground truth
 };
@@ -27,14 +28,22 @@ class MeasurementSource {
 
     /// Moves to the next measurement; false at the end. time() is valid while it returned true.
     virtual bool advance() = 0;
-    /// The measurement itself; an image is read here.
-    virtual Message message() = 0;
+    /// The measurement itself, an image is read here; nothing where it was left out.
+    std::optional<Message> take();
     virtual double progress() const = 0;  ///< share done, 0 to 1
-    /// Readings that were passed over so far.
-    virtual int left_out() const { return 0; }
+    /// What was left out so far.
+    const LeftOutList& left_out() const { return left_out_; }
+    bool any_taken() const { return any_taken_; }
     TimeNs time() const { return time_; }
 
  protected:
+    /// What its measurements are, in the plural.
+    virtual const char* what() const = 0;
+    /// Throws UnusableMeasurement, with its place, for one that is to be left out.
+    virtual Message message() = 0;
+
+    LeftOutList left_out_;
+
     /// Stamps of one source must increase; `place`, with error(problem), is where this one stands.
     template <typename Place>
     void set_time(TimeNs t, const Place& place) {
@@ -47,7 +56,7 @@ class MeasurementSource {
 
  private:
     TimeNs time_ = 0;
-    bool started_ = false;
+    bool started_ = false, any_taken_ = false;
 };
 
 using MeasurementSources = std::vector<std::unique_ptr<MeasurementSource>>;
@@ -64,8 +73,8 @@ struct ImageFile {
 };
 
 /// Images of 8 or 16 bits and any number of channels, read as 8-bit grey when their turn comes.
-/// Throws InputError in advance() for stamps that do not increase and in message() for a file that
-/// is missing or damaged.
+/// Throws InputError in advance() for stamps that do not increase; a file that is missing or
+/// damaged is left out.
 std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files);
 
 /// Measurements that are in memory already.
@@ -82,7 +91,6 @@ class StoredSource final : public MeasurementSource {
         ++next_;
         return true;
     }
-    Message message() override { return measurements_[next_ - 1]; }
     double progress() const override {
         return static_cast<double>(next_) / static_cast<double>(measurements_.size());
     }
@@ -91,13 +99,17 @@ class StoredSource final : public MeasurementSource {
     }
 
  private:
+    const char* what() const override { return "measurements"; }
+    Message message() override { return measurements_[next_ - 1]; }
+
     std::vector<Measurement> measurements_;
     std::string name_;
     size_t next_ = 0;
 };
 
 /// Writes the measurements of all sources in order of time; those with one stamp in the order of
-/// the sources. Adds to the report's counts. Throws InputError if there are none.
+/// the sources. Adds to the report's counts. Throws InputError if there are none, and for a source
+/// of which all had to be left out.
 void merge_sources(MeasurementSources sources, RawlogWriter& writer, ImportReport& report,
                    const std::function<void(double)>& progress);
 

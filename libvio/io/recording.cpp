@@ -112,7 +112,8 @@ struct Recording::Impl {
     Sensors sensors;
     RawlogObjects objects;
     std::deque<CObservation::Ptr> pending;  ///< of the object read last
-    Pose T_O_B;                             ///< sum of odometry increments
+    LeftOutList left_out;
+    Pose T_O_B;  ///< sum of odometry increments
 };
 
 // Odometry of the action / sensory-frame layout comes as increments: their sum is the pose.
@@ -129,12 +130,14 @@ std::optional<Message> Recording::Impl::convert(const CActionCollection& actions
 
 std::optional<Message> Recording::Impl::next() {
     const ImageLoader load = [this](const std::string& name) {
+        if (!fs::is_directory(images_dir))
+            throw InputError("its images are files in " + images_dir.string() +
+                             ", which is missing; keep that folder beside the rawlog");
         const fs::path path = images_dir / name;
         cv::Mat image =  // OpenCV itself would print a warning about a missing file
             fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
         if (image.empty())
-            throw InputError("image file " + path.string() +
-                             " is missing or damaged; keep it beside the rawlog");
+            throw UnusableMeasurement("image file " + path.string() + " is missing or damaged");
         return image;
     };
     while (true) {
@@ -143,6 +146,8 @@ std::optional<Message> Recording::Impl::next() {
             pending.pop_front();
             try {
                 if (auto message = to_message(*observation, sensors, load)) return message;
+            } catch (const UnusableMeasurement& reason) {
+                left_out.add(measurements_of(*observation), objects.error(reason.what()).what());
             } catch (const InputError& reason) {
                 throw objects.error(reason.what());
             }
@@ -174,6 +179,9 @@ bool Recording::has_features() const {
 }
 std::optional<Message> Recording::next() {
     return impl_->next();
+}
+const LeftOutList& Recording::left_out() const {
+    return impl_->left_out;
 }
 double Recording::progress() const {
     return impl_->objects.progress();

@@ -10,6 +10,7 @@
 
 #include "libvio/base/types.h"
 #include "libvio/camera/rig.h"
+#include "libvio/io/left_out.h"
 
 namespace vio {
 
@@ -62,9 +63,14 @@ class Recording {
     bool has_images() const;
     bool has_features() const;
 
-    /// Next message in file order; nothing at the clean end. Throws InputError (file, position,
-    /// what was kept) where the file is damaged.
+    /// Next message in file order; nothing at the clean end. A measurement that cannot be used is
+    /// added to left_out() and passed over. Throws InputError (file, position, what was kept) where
+    /// the file is damaged, its folder of images is missing, or an image has not its calibration's
+    /// size.
     std::optional<Message> next();
+
+    /// The unusable measurements of the chosen sensors so far, for a warning.
+    const LeftOutList& left_out() const;
 
     /// Share of the file that has been read, 0 to 1 (for progress).
     double progress() const;

@@ -91,8 +91,8 @@ cv::Mat to_colour(const cv::Mat& image) {
 void check_features(const FeatureFrame& frame) {
     std::set<FeatureId> seen;
     const auto fail = [&](const FeatureObservation& f, const char* problem) {
-        throw InputError("feature " + std::to_string(f.feature_id) + " at " +
-                         format_seconds(frame.t) + " s " + problem);
+        throw UnusableMeasurement("feature " + std::to_string(f.feature_id) + " at " +
+                                  format_seconds(frame.t) + " s " + problem);
     };
     for (const FeatureObservation& f : frame.features) {
         if (!f.uv_px.allFinite()) fail(f, "has no finite position");
@@ -104,7 +104,7 @@ void check_features(const FeatureFrame& frame) {
 
 void check_stamp(mrpt::Clock::time_point stamp) {
     if (stamp == INVALID_TIMESTAMP)
-        throw InputError("an observation without time stamp; give it one or remove it");
+        throw UnusableMeasurement("an observation without time stamp; give it one or remove it");
 }
 
 ImageMessage convert_image(const CObservationImage& observation, const CameraPtr& camera,
@@ -112,7 +112,7 @@ ImageMessage convert_image(const CObservationImage& observation, const CameraPtr
     const mrpt::img::CImage& stored = observation.image;
     const cv::Mat image =
         stored.isExternallyStored() ? load(stored.getExternalStorageFile()) : stored.asCvMatRef();
-    if (image.empty()) throw InputError("an image without pixels");
+    if (image.empty()) throw UnusableMeasurement("an image without pixels");
     if (camera && (image.cols != camera->width() || image.rows != camera->height()))
         throw InputError("the image has " + std::to_string(image.cols) + "x" +
                          std::to_string(image.rows) + " px, its calibration " +
@@ -132,8 +132,8 @@ std::optional<Message> to_message(const CObservation& observation, const Sensors
         const auto reading = from_mrpt(*imu);
         if (!reading) return {};
         if (!reading->gyro.allFinite() || !reading->accel.allFinite())
-            throw InputError("the IMU reading at " + format_seconds(reading->t) +
-                             " s is not finite");
+            throw UnusableMeasurement("the IMU reading at " + format_seconds(reading->t) +
+                                      " s is not finite");
         return *reading;
     }
     if (const auto* image = dynamic_cast<const CObservationImage*>(&observation)) {
@@ -160,6 +160,13 @@ std::optional<Message> to_message(const CObservation& observation, const Sensors
         return *fix;
     }
     return {};
+}
+
+const char* measurements_of(const CObservation& observation) {
+    if (dynamic_cast<const CObservationIMU*>(&observation)) return "IMU readings";
+    if (dynamic_cast<const CObservationImage*>(&observation)) return "images";
+    if (dynamic_cast<const CObservationFeatures*>(&observation)) return "feature frames";
+    return "odometry poses and GPS fixes";
 }
 
 }  // namespace vio

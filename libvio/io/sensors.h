@@ -35,12 +35,17 @@ struct Sensors {
     void see_imu(const mrpt::obs::CObservationIMU& observation, const RecordingOptions& options);
 };
 
-/// Pixels of an image that is stored outside the observation. Throws InputError (the reason only).
+/// Pixels of an image that is stored outside the observation. Throws UnusableMeasurement or
+/// InputError (the reason only), as for one image or for all.
 using ImageLoader = std::function<cv::Mat(const std::string& file)>;
 
-/// The observation as a measurement; nothing for one of another sensor or kind. Throws InputError
-/// (the reason only) for what no sensor can have measured.
+/// The observation as a measurement; nothing for one of another sensor or kind. Throws
+/// UnusableMeasurement (the reason only) for what no sensor can have measured and for pixels that
+/// are not there, InputError for an image that is not of its calibration.
 std::optional<Message> to_message(const mrpt::obs::CObservation& observation,
                                   const Sensors& sensors, const ImageLoader& load);
+
+/// What the observation's measurements are, in the plural: "IMU readings", "images", ...
+const char* measurements_of(const mrpt::obs::CObservation& observation);
 
 }  // namespace vio

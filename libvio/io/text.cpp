@@ -176,10 +176,12 @@ void TextRows::require(size_t count) const {
                     std::to_string(size()));
 }
 
-double TextRows::number(size_t field) const {
-    const auto value = parse_double(fields_[field]);
-    if (!value) throw error("'" + std::string(fields_[field]) + "' is not a finite number");
-    return *value;
+double TextRows::number(std::string_view text) const {
+    if (const auto value = parse_double(text)) return *value;
+    const std::string problem = "'" + std::string(text) + "' is not a finite number";
+    if (trimmed(text).empty() || parsed<double>(text))
+        throw UnusableMeasurement(place() + ": " + problem);
+    throw error(problem);
 }
 
 std::int64_t TextRows::integer(size_t field) const {

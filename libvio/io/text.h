@@ -11,6 +11,7 @@
 #include "libvio/base/strings.h"
 #include "libvio/base/types.h"
 #include "libvio/io/gz_stream.h"
+#include "libvio/io/left_out.h"
 
 namespace vio {
 
@@ -66,9 +67,12 @@ class TextRows {
     /// Throws InputError if the row has fewer than count fields.
     void require(size_t count) const;
     std::string_view text(size_t field) const { return fields_[field]; }
-    double number(size_t field) const;         ///< throws InputError if it is none
-    std::int64_t integer(size_t field) const;  ///< throws InputError if it is none
-    TimeNs seconds(size_t field) const;        ///< throws InputError if it is none
+    /// Throws InputError if it is none, UnusableMeasurement if it is empty, infinite or not a
+    /// number by name ("nan").
+    double number(size_t field) const { return number(fields_[field]); }
+    double number(std::string_view text) const;  ///< the same of a text in this row
+    std::int64_t integer(size_t field) const;    ///< throws InputError if it is none
+    TimeNs seconds(size_t field) const;          ///< throws InputError if it is none
 
     /// "FILE (line N)".
     std::string place() const { return file() + " (line " + std::to_string(line_number_) + ")"; }

@@ -195,6 +195,7 @@ SlowReport slow_rawlog(const std::string& in_rawlog, const std::string& out_rawl
         if (progress) progress(recording.progress());
     }
     slow.flush();
+    report.left_out = recording.left_out();
     slow_truth(in_rawlog, out_rawlog, slower, f, report);
     writer.finish();
     return report;

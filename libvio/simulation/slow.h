@@ -7,6 +7,7 @@
 
 #include "libvio/base/types.h"
 #include "libvio/imu/noise.h"
+#include "libvio/io/left_out.h"
 #include "libvio/simulation/random.h"
 
 namespace vio {
@@ -27,6 +28,7 @@ struct SlowReport {
     /// Gravity in the slowed readings as a share of the original's: 1 / f^2.
     double gravity_factor = 1;
     std::vector<std::string> truth_files;  ///< slowed beside the output
+    LeftOutList left_out;                  ///< see Recording::left_out
 };
 
 /// Slows a rawlog by the paper's four steps (section 7.3.2):

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 
 #include "libvio/io/recording.h"
 #include "libvio/io/results.h"
@@ -111,6 +112,61 @@ TEST_F(FileFaults, BytesFlipped) {
         EXPECT_EQ(damage.find('\n'), std::string::npos) << damage;
     }
     EXPECT_GT(told, kFlips * 8 / 10);
+}
+
+// One reading that is no number ends nothing: it is left out, counted, and named.
+TEST_F(FileFaults, ReadingNotFinite) {
+    Written recording = as_written(good_recording());
+    const auto half =
+        recording.messages.begin() + static_cast<std::ptrdiff_t>(recording.messages.size() / 2);
+    const auto reading = std::find_if(half, recording.messages.end(), [](const Message& message) {
+        return std::holds_alternative<ImuReading>(message);
+    });
+    std::get<ImuReading>(*reading).gyro.x() = std::numeric_limits<double>::quiet_NaN();
+    const std::string file = folder_ / "recording.rawlog", out = folder_ / "out";
+    write(recording, file);
+    const std::string object = std::to_string(reading - recording.messages.begin() + 1);
+    const std::string told =
+        "left out: 1 IMU readings: " + file + " (object " + object + "): the IMU reading at ";
+
+    const ProgramResult run = program("run " + file + " -o " + out);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_NE(run.out.find("warning     " + told), std::string::npos) << run.out;
+    EXPECT_NE(read_text(out + "/summary.json").find(told), std::string::npos);
+    // Of an image at 20 Hz, each of the 12 s.
+    EXPECT_GT(read_results(out).states.size(), 200u);
+
+    const ProgramResult check = program("check " + file);
+    EXPECT_NE(check.out.find("read to its end"), std::string::npos) << check.out;
+    EXPECT_NE(check.out.find("1 IMU readings: " + file), std::string::npos) << check.out;
+}
+
+// Images beside the rawlog: without one of them, the others; without their folder, one line.
+TEST_F(FileFaults, ImageFileMissing) {
+    const std::string file = folder_ / "recording.rawlog";
+    {
+        Recording demo(VIO_SOURCE_DIR "/datasets/demo.rawlog");
+        RawlogWriterOptions external;
+        external.external_images = true;
+        RawlogWriter writer(file, demo.rig(), external);
+        for (int images = 0; images < 20;) {
+            const auto message = demo.next();
+            images += std::holds_alternative<ImageMessage>(*message);
+            writer.write(*message);
+        }
+        writer.finish();
+    }
+    const fs::path folder = folder_ / "recording_Images";
+    std::vector<fs::path> images(fs::directory_iterator(folder), {});
+    ASSERT_EQ(images.size(), 20u);
+    fs::remove(images[3]);
+    std::ofstream(images[5]) << "no image";
+    const ProgramResult one = program("check " + file);
+    EXPECT_NE(one.out.find("read to its end"), std::string::npos) << one.out;
+    EXPECT_NE(one.out.find("2 images; the first: " + file), std::string::npos) << one.out;
+    fs::remove_all(folder);
+    expect_one_line(program("run " + file + " -o " + (folder_ / "out")),
+                    "keep that folder beside the rawlog");
 }
 
 TEST_F(FileFaults, DiskFull) {

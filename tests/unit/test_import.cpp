@@ -251,7 +251,7 @@ TEST_F(Kitti, CameraOxtsAndTruthArrive) {
     EXPECT_EQ(report.images, kCount);
     EXPECT_EQ(report.imu_readings, kCount);
     EXPECT_EQ(report.gps_fixes, kCount);
-    EXPECT_EQ(report.left_out, 0);
+    EXPECT_EQ(report.left_out.total(), 0);
     // `date -u -d "2011-09-26 13:02:25" +%s` prints 1317042145.
     EXPECT_EQ(report.first, 1317042145960000001);
     const auto imu = read_all<ImuReading>(out());
@@ -329,7 +329,7 @@ TEST_F(Kitti, StampsThatStepBackAreLeftOutAndCounted) {
           "2011-09-26 13:02:25.960\n2011-09-26 13:02:25.980\n2011-09-26 13:02:25.970\n"
           "2011-09-26 13:02:25.990\n");
     const auto report = run();
-    EXPECT_EQ(report.left_out, 1);
+    EXPECT_EQ(report.left_out.total(), 1);
     EXPECT_EQ(report.imu_readings, kCount - 1);
 }
 
@@ -399,7 +399,7 @@ class Csv : public Import {
 TEST_F(Csv, UnitsOrderAndSeparateStampsAreMet) {
     const auto report = run();
     // One repeated row, and one after the accelerometer's last.
-    EXPECT_EQ(report.left_out, 2);
+    EXPECT_EQ(report.left_out.total(), 2);
     const auto imu = read_all<ImuReading>(out());
     ASSERT_EQ(imu.size(), 3u);
     EXPECT_EQ(imu[0].t, 1000500000);
@@ -411,12 +411,35 @@ TEST_F(Csv, UnitsOrderAndSeparateStampsAreMet) {
     EXPECT_NEAR(imu[0].accel.z(), 9.80665, 1e-12);
 }
 
+// A value that is not finite, or none at all, costs its own row and no other.
+TEST_F(Csv, ReadingsWithoutANumberAreLeftOutAndTold) {
+    write("imu.csv",
+          "1,1,1,1,0,0,9\n2,1,nan,1,0,0,9\n3,1,1,1,0,0,9\n4,1,1,1,,0,9\n5,1,1,1,0,0,9\n");
+    options_ = {};
+    options_.gyro = {folder_ / "imu.csv", {"1", "2", "3", "4", "5", "6", "7"}, "s"};
+    const auto report = run();
+    EXPECT_EQ(report.imu_readings, 3);
+    ASSERT_EQ(report.left_out.kinds().size(), 1u);
+    EXPECT_EQ(report.left_out.total(), 2);
+    EXPECT_EQ(report.left_out.kinds()[0].first,
+              (folder_ / "imu.csv") + " (line 2): 'nan' is not a finite number");
+    EXPECT_EQ(read_all<ImuReading>(out()).size(), 3u);
+
+    // The accelerometer is interpolated over the row that is gone.
+    write("gyro.csv", "0.02,1,1,1\n");
+    write("accel.csv", "0,0,0,1\n0.01,inf,0,2\n0.04,0,0,5\n");
+    options_.gyro = {folder_ / "gyro.csv", {"1", "2", "3", "4"}, "s"};
+    options_.accel = {folder_ / "accel.csv", {"1", "2", "3", "4"}, "s"};
+    EXPECT_EQ(run().left_out.total(), 1);
+    EXPECT_NEAR(read_all<ImuReading>(out()).at(0).accel.z(), 3, 1e-12);
+}
+
 TEST_F(Csv, GapsOfTheAccelerometerAreNotBridged) {
     write("accel.csv", "995.5,0,0,1\n1005.5,0,0,1\n1205.5,0,0,1\n");
     options_.accel.columns = {"1", "2", "3", "4"};
     const auto report = run();
     EXPECT_EQ(report.imu_readings, 1);
-    EXPECT_EQ(report.left_out, 4);
+    EXPECT_EQ(report.left_out.total(), 4);
 }
 
 TEST_F(Csv, ImagesByNameOrInOrder) {

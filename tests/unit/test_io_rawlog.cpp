@@ -415,7 +415,8 @@ TEST(Rawlog, ForeignFilesAreRefusedInOneLine) {
     }
 }
 
-TEST(Rawlog, MissingExternalImageIsNamed) {
+// One image that is gone costs that image; their whole folder, the recording.
+TEST(Rawlog, MissingExternalImageIsLeftOutAndTold) {
     ScratchFolder folder;
     RawlogWriterOptions options;
     options.external_images = true;
@@ -423,8 +424,46 @@ TEST(Rawlog, MissingExternalImageIsNamed) {
     const std::string name = "cam0_" + std::to_string(kStart) + ".png";
     ASSERT_TRUE(fs::remove(fs::path(folder / "a_Images") / name));
     Recording recording(folder / "a.rawlog");
-    recording.next();
-    EXPECT_NE(error_of([&] { recording.next(); }).find(name), std::string::npos);
+    EXPECT_EQ(read_all(recording).size(), test_messages().size() - 1);
+    ASSERT_EQ(recording.left_out().kinds().size(), 1u);
+    const LeftOut& images = recording.left_out().kinds()[0];
+    EXPECT_EQ(images.what, "images");
+    EXPECT_EQ(images.count, 1);
+    EXPECT_NE(images.first.find(name + " is missing"), std::string::npos) << images.first;
+
+    fs::remove_all(folder / "a_Images");
+    const std::string error = error_of([&] {
+        Recording again(folder / "a.rawlog");
+        read_all(again);
+    });
+    EXPECT_NE(error.find("keep that folder beside the rawlog"), std::string::npos) << error;
+}
+
+// A reading that is not finite, an observation without stamp: left out, and what follows is read.
+TEST(Rawlog, UnusableObservationsAreLeftOutAndTold) {
+    ScratchFolder folder;
+    GzOutput out(folder / "a.rawlog");
+    auto archive = mrpt::serialization::archiveFrom(out);
+    const auto put = [&](int i, double gyro_x) {
+        archive << to_mrpt(ImuReading{kStart + 100 * i, {gyro_x, 2, 3}, {4, 5, 6}});
+    };
+    put(0, 1);
+    put(1, std::numeric_limits<double>::quiet_NaN());
+    put(2, std::numeric_limits<double>::infinity());
+    auto unstamped = to_mrpt(ImuReading{kStart, {1, 2, 3}, {4, 5, 6}});
+    unstamped.timestamp = INVALID_TIMESTAMP;
+    archive << unstamped;
+    put(4, 1);
+    out.close();
+    Recording recording(folder / "a.rawlog");
+    const auto messages = read_all(recording);
+    ASSERT_EQ(messages.size(), 2u);
+    EXPECT_EQ(std::get<ImuReading>(messages[1]).t, kStart + 400);
+    ASSERT_EQ(recording.left_out().kinds().size(), 1u);
+    EXPECT_EQ(one_line(recording.left_out().kinds()[0])
+                  .find("3 IMU readings; the first: " + (folder / "a.rawlog") + " (object 2): "),
+              0u)
+        << one_line(recording.left_out().kinds()[0]);
 }
 
 TEST(Rawlog, ImageOfAnotherSizeThanCalibratedIsRefused) {
