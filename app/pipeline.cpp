@@ -206,6 +206,7 @@ void summarise(const WrittenPath& written, RunReport& report) {
     report.lost_poses = written.lost_poses;
     report.landmarks = written.landmarks;
     report.path_length = written.length;
+    for (const auto& [t, text] : written.shortfalls) report.events.push_back({t, text});
 }
 
 nlohmann::json to_json(const RunReport& report, const RunRequest& request) {

@@ -1,7 +1,5 @@
 #include "libvio/io/keyframe_spool.h"
 
-#include <mrpt/io/CFileGZOutputStream.h>
-#include <mrpt/io/CFileInputStream.h>
 #include <mrpt/io/CMemoryStream.h>
 #include <mrpt/maps/CSimpleMap.h>
 #include <mrpt/maps/CSimplePointsMap.h>
@@ -16,6 +14,7 @@
 
 #include "libvio/base/errors.h"
 #include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/rawlog_objects.h"
 #include "libvio/io/text.h"
 
 namespace vio {
@@ -51,7 +50,7 @@ mrpt::obs::CSensoryFrame sighted(const FeatureFrame& frame, const Pose& T_W_B, c
         sight.range = static_cast<float>(range);
         sight.yaw = static_cast<float>(yaw);
         sight.pitch = static_cast<float>(pitch);
-        sight.landmarkID = static_cast<std::int32_t>(landmark->id);
+        sight.landmarkID = landmarks.narrow_id(landmark->id);
         sights->sensedData.push_back(sight);
         points->insertPoint(static_cast<float>(p.x()), static_cast<float>(p.y()),
                             static_cast<float>(p.z()));
@@ -67,13 +66,12 @@ mrpt::obs::CSensoryFrame sighted(const FeatureFrame& frame, const Pose& T_W_B, c
 KeyframeSpool::KeyframeSpool(const std::string& file, const Rig& rig)
     : file_(file), rig_(rig), out_(file) {
     register_mrpt_classes();
-    if (!out_.fileOpenCorrectly()) throw cannot_write(file_);
 }
 
 void KeyframeSpool::add(const FeatureFrame& frame, const StateEstimate& state) {
     const Matrix6d covariance = state.covariance.topLeftCorner<6, 6>();
-    auto archive = mrpt::serialization::archiveFrom(out_);
-    archive << to_mrpt(state.T_W_B, covariance) << to_mrpt(frame);
+    write_object(to_mrpt(state.T_W_B, covariance), out_);
+    write_object(to_mrpt(frame), out_);
     ++count_;
 }
 
@@ -91,18 +89,17 @@ void KeyframeSpool::write_map(const std::string& name, LandmarkSpool& landmarks)
     const auto* bytes = static_cast<const char*>(empty.getRawBufferData());
     const size_t size = empty.getTotalBytesCount();
     constexpr size_t kEnd = 1;
-    mrpt::io::CFileGZOutputStream gz;
-    if (!gz.open(name)) throw cannot_write(name);
+    GzOutput gz(name);
     gz.Write(bytes, size - kEnd - sizeof count_);
     gz.Write(&count_, sizeof count_);
-    mrpt::io::CFileInputStream in(file_);
+    GzInput in(file_);
     auto from = mrpt::serialization::archiveFrom(in);
-    auto to = mrpt::serialization::archiveFrom(gz);
     for (std::uint32_t i = 0; i < count_; ++i) {
         mrpt::poses::CPose3DPDFGaussian pose;
         CObservationFeatures features;
         from >> pose >> features;
-        to << pose << sighted(from_mrpt(features), from_mrpt(pose.mean), rig_, landmarks);
+        write_object(pose, gz);
+        write_object(sighted(from_mrpt(features), from_mrpt(pose.mean), rig_, landmarks), gz);
     }
     gz.Write(bytes + size - kEnd, kEnd);
     gz.close();

@@ -1,12 +1,11 @@
 // Key-frames of a run of any length: on disk until their file is written.
 #pragma once
 
-#include <mrpt/io/CFileOutputStream.h>
-
 #include <string>
 
 #include "libvio/base/estimate.h"
 #include "libvio/camera/rig.h"
+#include "libvio/io/gz_stream.h"
 #include "libvio/io/landmark_spool.h"
 
 namespace vio {
@@ -21,7 +20,7 @@ class KeyframeSpool {
 
     void add(const FeatureFrame& frame, const StateEstimate& state);
 
-    /// Writes the map and removes the spool. landmarks: closed.
+    /// Writes the map, complete or not at all, and removes the spool. landmarks: closed.
     void finish(const std::string& map_file, LandmarkSpool& landmarks);
 
  private:
@@ -29,7 +28,7 @@ class KeyframeSpool {
 
     std::string file_;
     Rig rig_;
-    mrpt::io::CFileOutputStream out_;
+    GzOutput out_;
     std::uint32_t count_ = 0;
 };
 

@@ -59,12 +59,25 @@ void LandmarkSpool::close() {
     order_.erase(std::unique(order_.begin(), order_.end(), same), order_.end());
 }
 
-std::optional<LandmarkEstimate> LandmarkSpool::find(FeatureId id) {
+LandmarkSpool::Places::const_iterator LandmarkSpool::place_of(FeatureId id) const {
     const auto place =
         std::lower_bound(order_.begin(), order_.end(), id,
                          [](const Place& p, FeatureId other) { return p.id < other; });
-    if (place == order_.end() || place->id != id) return std::nullopt;
+    return place == order_.end() || place->id != id ? order_.end() : place;
+}
+
+std::optional<LandmarkEstimate> LandmarkSpool::find(FeatureId id) {
+    const auto place = place_of(id);
+    if (place == order_.end()) return std::nullopt;
     return read(place->record);
+}
+
+bool LandmarkSpool::has_wide_ids() const {
+    return !order_.empty() && wide_ids(order_.front().id, order_.back().id);
+}
+
+std::int32_t LandmarkSpool::narrow_id(FeatureId id) const {
+    return static_cast<std::int32_t>(has_wide_ids() ? place_of(id) - order_.begin() : id);
 }
 
 void LandmarkSpool::write(const std::filesystem::path& folder) {
@@ -77,10 +90,11 @@ void LandmarkSpool::write_ply(const std::string& name) {
     for (const Place& place : order_) distances.push_back(read(place.record).p_W.norm());
     const LandmarkColours colours(std::move(distances), colour_);
     std::ofstream out(name, std::ios::binary);
-    out << ply_header(order_.size(), colour_);
+    const PlyRows rows{false, has_wide_ids()};
+    out << ply_header(order_.size(), colour_, rows);
     for (const Place& place : order_) {
         const LandmarkEstimate landmark = read(place.record);
-        out << ply_row(landmark, colours.rgb(landmark));
+        out << ply_row(landmark, colours.rgb(landmark), rows);
     }
     if (!out.flush()) throw cannot_write(name);
 }

@@ -25,6 +25,9 @@ class LandmarkSpool {
     int count() const { return static_cast<int>(order_.size()); }
     /// After close().
     std::optional<LandmarkEstimate> find(FeatureId id);
+    /// The id, or where one of all ids does not fit 32 bits the landmark's row in landmarks.ply,
+    /// from 0, for formats that have no more. Of one that find() finds.
+    std::int32_t narrow_id(FeatureId id) const;
     /// Writes landmarks.ply and landmarks.txt, in order of id. After close(). Throws InputError.
     void write(const std::filesystem::path& folder);
     /// Forgets all, and removes the file.
@@ -43,6 +46,9 @@ class LandmarkSpool {
         std::int64_t record;
     };
 
+    using Places = std::vector<Place>;
+    Places::const_iterator place_of(FeatureId id) const;  // end: none
+    bool has_wide_ids() const;
     LandmarkEstimate read(std::int64_t record);
     void write_ply(const std::string& name);
     void write_text(const std::string& name);
@@ -50,7 +56,7 @@ class LandmarkSpool {
     std::string file_;
     std::ofstream out_;
     std::ifstream in_;
-    std::vector<Place> order_;
+    Places order_;  // by id
     LandmarkColour colour_ = LandmarkColour::kUncertainty;
 };
 

@@ -40,23 +40,31 @@ std::string row_text(const Pose& T) {
 
 struct PoseGraphWriter::Impl {
     bool place(const Estimate& piece, TimeNs t, TimedPose& out) const;
+    void keep(const TimedPose& keyframe, bool written);
     void write(const std::string& text);
 
     std::string file, temporary;
     std::ofstream out;
-    int id = -1;           // of the last node
-    TimedPose node, last;  // last node, last state
-    bool any_state = false, usable = true;
+    int id = -1;           // of the last node that was written
+    TimedPose node, last;  // last key-frame, last state
+    bool any_node = false, node_written = false, any_state = false, any_edge = false;
+    LeftOut left_out;
 };
 
 bool PoseGraphWriter::Impl::place(const Estimate& piece, TimeNs t, TimedPose& found) const {
-    if (id >= 0 && node.t == t) return found = node, true;
+    if (any_node && node.t == t) return found = node, true;
     const auto state =
         std::lower_bound(piece.states.begin(), piece.states.end(), t,
                          [](const StateEstimate& s, TimeNs time) { return s.t < time; });
     if (state != piece.states.end() && state->t == t) return found = {t, state->T_W_B}, true;
     if (any_state && last.t == t) return found = last, true;
     return false;
+}
+
+void PoseGraphWriter::Impl::keep(const TimedPose& keyframe, bool written) {
+    node = keyframe;
+    any_node = true;
+    node_written = written;
 }
 
 void PoseGraphWriter::Impl::write(const std::string& text) {
@@ -79,18 +87,22 @@ PoseGraphWriter::~PoseGraphWriter() = default;
 void PoseGraphWriter::add(const Estimate& piece) {
     Impl& g = *impl_;
     const auto add_node = [&](const TimedPose& node) {
-        g.node = node;
+        g.keep(node, true);
         g.write("VERTEX3 " + std::to_string(++g.id) + row_text(node.T_W_B) + '\n');
         if (g.id == 0) g.write("FIX 0\n");
     };
     for (const RelativeMotion& motion : piece.keyframe_motions) {
         TimedPose from, to;
+        const bool placed = g.place(piece, motion.from, from) && g.place(piece, motion.to, to);
         const auto inverse = information(motion);
-        g.usable = g.usable && inverse && g.place(piece, motion.from, from) &&
-                   g.place(piece, motion.to, to);
-        if (!g.usable) break;
-        if (g.id < 0 || g.node.t != from.t) add_node(from);
+        if (!placed || !inverse) {
+            if (g.left_out.count++ == 0) g.left_out = {1, motion.from, motion.to};
+            if (placed) g.keep(to, false);  // where the next motion begins
+            continue;
+        }
+        if (!g.node_written || g.node.t != from.t) add_node(from);
         add_node(to);
+        g.any_edge = true;
         std::string edge = "EDGE3 " + std::to_string(g.id - 1) + ' ' + std::to_string(g.id) +
                            row_text(motion.T_A_B);
         for (size_t r = 0; r < 6; ++r)
@@ -106,19 +118,21 @@ void PoseGraphWriter::add(const Estimate& piece) {
 bool PoseGraphWriter::finish() {
     Impl& g = *impl_;
     g.out.close();
-    const bool complete = g.usable && g.id > 0;
-    if (complete)
+    if (g.any_edge)
         std::filesystem::rename(g.temporary, g.file);
     else
         std::filesystem::remove(g.temporary);
-    return complete;
+    return g.any_edge;
+}
+
+const PoseGraphWriter::LeftOut& PoseGraphWriter::left_out() const {
+    return impl_->left_out;
 }
 
 void write_pose_graph(const std::string& file, const Estimate& estimate) {
     PoseGraphWriter writer(file);
     writer.add(estimate);
-    if (!writer.finish())
-        throw InputError(file + ": no covariances of the motions between key-frames");
+    if (!writer.finish()) throw InputError(file + ": no covariance of a motion between key-frames");
 }
 
 }  // namespace vio

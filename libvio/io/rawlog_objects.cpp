@@ -2,9 +2,12 @@
 
 #include <mrpt/serialization/CArchive.h>
 
+#include <cstdint>
 #include <new>
+#include <vector>
 
 #include "libvio/io/feature_observation.h"
+#include "libvio/io/foreign_input.h"
 #include "libvio/io/text.h"
 
 namespace vio {
@@ -19,9 +22,14 @@ std::string mrpt_reason(const std::string& report) {
     return one_line(message.substr(0, message.find("\nLocation"))).substr(0, 160);
 }
 
+const std::string& known_as_none_other(const std::string& file) {
+    refuse_foreign_input(file);
+    return file;
+}
+
 }  // namespace
 
-RawlogObjects::RawlogObjects(const std::string& file) : input_(file) {
+RawlogObjects::RawlogObjects(const std::string& file) : input_(known_as_none_other(file)) {
     register_mrpt_classes();
 }
 
@@ -45,6 +53,12 @@ mrpt::serialization::CSerializable::Ptr RawlogObjects::next() {
     }
 }
 
+void write_object(const mrpt::serialization::CSerializable& object, GzOutput& out) {
+    std::vector<std::uint8_t> bytes;
+    mrpt::serialization::ObjectToOctetVector(&object, bytes);
+    out.Write(bytes.data(), bytes.size());
+}
+
 InputError RawlogObjects::error(const std::string& problem) const {
     return InputError(input_.file() + " (object " + std::to_string(count_) + "): " + problem);
 }
@@ -52,7 +66,8 @@ InputError RawlogObjects::error(const std::string& problem) const {
 InputError RawlogObjects::failure(const std::string& reason) const {
     if (count_ == 0)
         return InputError(input_.file() + ": is not an MRPT rawlog, or its very beginning is " +
-                          "damaged (" + reason + ")");
+                          "damaged (" + reason +
+                          "); what rawlogs can be made of: vio-slam import --help");
     return InputError(input_.file() + " (after object " + std::to_string(count_) + ", byte " +
                       std::to_string(input_.position()) + " of the content): " + reason +
                       "; what was read before is kept, record or convert the file again");

@@ -1,4 +1,4 @@
-// The objects of a rawlog one after another, strictly.
+// The objects of a rawlog one after another, read and written strictly.
 #pragma once
 
 #include <mrpt/serialization/CSerializable.h>
@@ -14,7 +14,7 @@ namespace vio {
 /// and junk; this one tells them apart.
 class RawlogObjects {
  public:
-    /// Throws InputError for a missing file.
+    /// Throws InputError for a missing file, and for what refuse_foreign_input() knows.
     explicit RawlogObjects(const std::string& file);
 
     /// Next object; null at the clean end. Throws InputError where the file is foreign, cut off or
@@ -31,5 +31,9 @@ class RawlogObjects {
     GzInput input_;
     long count_ = 0;  ///< objects read
 };
+
+/// Writes an object as MRPT's archives do. Throws InputError as the file does: an archive on the
+/// file itself would wrap that into an exception of MRPT's, of several lines.
+void write_object(const mrpt::serialization::CSerializable& object, GzOutput& out);
 
 }  // namespace vio

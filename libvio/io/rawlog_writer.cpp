@@ -2,7 +2,6 @@
 
 #include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
-#include <mrpt/serialization/CArchive.h>
 
 #include <cmath>
 #include <filesystem>
@@ -12,6 +11,7 @@
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/gz_stream.h"
 #include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/rawlog_objects.h"
 #include "libvio/io/text.h"
 
 namespace vio {
@@ -56,9 +56,7 @@ struct RawlogWriter::Impl {
     void put(const OdometryMessage& message);
     void put(const GpsMessage& fix);
 
-    void put_object(const mrpt::serialization::CSerializable& object) {
-        mrpt::serialization::archiveFrom(out) << object;
-    }
+    void put_object(const mrpt::serialization::CSerializable& object) { write_object(object, out); }
     void make_images_dir();
     InputError error(TimeNs t, const std::string& problem) const {
         return InputError(file + " (measurement at " + format_seconds(t) + " s): " + problem);

@@ -153,6 +153,7 @@ struct ResultsWriter::Impl {
     void open();
     void count(const StateEstimate& state);
     void write_waiting_keyframe(const StateEstimate& state);
+    void finish_graph();
 
     fs::path folder;
     Rig rig;
@@ -192,6 +193,20 @@ void ResultsWriter::Impl::write_waiting_keyframe(const StateEstimate& state) {
     if (waiting.empty() || waiting.front().t != state.t) return;
     keyframes->add(waiting.front(), state);
     waiting.pop_front();
+}
+
+void ResultsWriter::Impl::finish_graph() {
+    const bool any = graph->finish();
+    const PoseGraphWriter::LeftOut& left_out = graph->left_out();
+    if (left_out.count == 0) return;
+    const std::string motions = std::to_string(left_out.count) +
+                                " motions between key-frames have no covariance with an inverse, "
+                                "the first from " +
+                                format_seconds(left_out.from) + " s to " +
+                                format_seconds(left_out.to) + " s: ";
+    written.shortfalls.emplace_back(left_out.from, "keyframes.graph: " + motions +
+                                                       (any ? "it is in pieces, without their edges"
+                                                            : "there is no such file"));
 }
 
 ResultsWriter::ResultsWriter(const std::string& folder, const Rig& rig,
@@ -245,9 +260,11 @@ void ResultsWriter::finish(const nlohmann::json& summary) {
     w.keyframes->finish((w.folder / "keyframes.simplemap").string(), *w.landmarks);
     w.written.landmarks = w.landmarks->count();
     w.landmarks->remove();
-    w.graph->finish();
+    w.finish_graph();
     const Estimate& estimate = w.parameters;
     nlohmann::json json = summary;
+    for (const auto& [t, text] : w.written.shortfalls)
+        json["events"].push_back({{"t_ns", t}, {"text", text}});
     json["poses"] = w.written.poses;
     json["landmarks"] = w.written.landmarks;
     json["lost_poses"] = w.written.lost_poses;

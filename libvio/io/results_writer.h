@@ -4,6 +4,8 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "libvio/base/estimate.h"
 #include "libvio/camera/rig.h"
@@ -15,6 +17,8 @@ struct WrittenPath {
     int poses = 0, lost_poses = 0, landmarks = 0;
     TimeNs first = 0, last = 0;
     double length = 0;  ///< [m] if the estimate has a scale
+    /// What a file lacks, in words, and the time that it lacks it from: known after finish().
+    std::vector<std::pair<TimeNs, std::string>> shortfalls;
 };
 
 /// The path (trajectory.tum, trajectory_cov.txt, trajectory.txt, states.csv,
@@ -43,8 +47,8 @@ class ResultsWriter {
     const WrittenPath& written() const;
 
     /// Completes the folder. summary: the caller's part of summary.json (an object); images,
-    /// landmarks, duration_s, path_length_m, gravity and has_scale are added to it. Call after the
-    /// first state. Throws InputError if the disk is full.
+    /// landmarks, duration_s, path_length_m, gravity and has_scale are added to it, shortfalls to
+    /// its events. Call after the first state. Throws InputError if the disk is full.
     void finish(const nlohmann::json& summary);
 
  private:

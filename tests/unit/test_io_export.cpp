@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -114,7 +115,7 @@ std::vector<std::pair<std::string, size_t>> properties(const std::string& text) 
         std::istringstream words(line);
         std::string property, type, name;
         if (words >> property >> type >> name && property == "property")
-            found.emplace_back(name, type == "double" ? 8 : type == "int" ? 4 : 1);
+            found.emplace_back(name, type == "double" ? 8 : type == "uchar" ? 1 : 4);
     }
     return found;
 }
@@ -163,6 +164,46 @@ TEST(Ply, TextReadsBackToTheBitWithTheColoursOfTheImages) {
     EXPECT_EQ(*back[4].rgb, (Rgb{128, 128, 128})) << "not known";
     write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty);
     EXPECT_FALSE(read_ply(folder / "map.ply")[3].rgb);
+}
+
+// Ids of another tracker (hashes, stamps) fill 64 bits: none is cut, none changes its sign.
+TEST(Ply, WideIdsStayWhole) {
+    const test::ScratchFolder folder;
+    auto landmarks = made_estimate().landmarks;
+    ASSERT_GE(landmarks.size(), 7u);
+    using Wide = std::numeric_limits<FeatureId>;
+    const FeatureId ids[] = {
+        Wide::min(), -1, 7, (FeatureId{1} << 32) + 7, FeatureId{1} << 31, 1'403'636'584'763'555'584,
+        Wide::max()};
+    for (size_t i = 0; i < 7; ++i) landmarks[i].id = ids[i];
+    write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty);
+    const auto back = read_ply(folder / "map.ply");
+    ASSERT_EQ(back.size(), landmarks.size());
+    for (size_t i = 0; i < back.size(); ++i) {
+        EXPECT_EQ(back[i].id, landmarks[i].id);
+        EXPECT_EQ(back[i].covariance, landmarks[i].covariance);
+    }
+    // In binary, as the head says.
+    write_ply(folder / "binary.ply", landmarks, LandmarkColour::kUncertainty, true);
+    const std::string bytes = content(folder / "binary.ply");
+    std::map<std::string, size_t> place;
+    size_t row = 0;
+    for (const auto& [name, size] : properties(bytes)) place[name] = std::exchange(row, row + size);
+    const size_t begin = bytes.find("end_header\n") + 11;
+    ASSERT_EQ(bytes.size(), begin + row * landmarks.size());
+    for (size_t i = 0; i < landmarks.size(); ++i) {
+        std::uint32_t low = 0;
+        std::int32_t high = 0;
+        std::memcpy(&low, bytes.data() + begin + i * row + place.at("id"), 4);
+        std::memcpy(&high, bytes.data() + begin + i * row + place.at("id_high"), 4);
+        EXPECT_EQ(high * 4294967296.0 + low, static_cast<double>(landmarks[i].id));
+    }
+    // Where all fit, the file is as ever.
+    for (size_t i = 0; i < 7; ++i) landmarks[i].id = -static_cast<FeatureId>(i);
+    write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty);
+    EXPECT_EQ(content(folder / "map.ply").find("id_high"), std::string::npos);
+    EXPECT_NE(content(folder / "map.ply").find("property int id\n"), std::string::npos);
+    EXPECT_EQ(read_ply(folder / "map.ply")[6].id, -6);
 }
 
 TEST(Export, CannotWriteIntoNothing) {

@@ -8,10 +8,12 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <tuple>
 
 #include "libvio/base/errors.h"
 #include "libvio/camera/perspective.h"
+#include "libvio/io/keyframe_spool.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/results.h"
 #include "libvio/io/results_writer.h"
@@ -95,6 +97,82 @@ TEST(Results, ComeBackAsTheyWereWritten) {
 
 mrpt::poses::CPose3D pose_of(const StateEstimate& state) {
     return to_mrpt(state.T_W_B);
+}
+
+// Ids of 64 bits come back whole; MRPT's 32 bits name the landmark by its row then.
+TEST(Results, WideFeatureIdsAreToldApart) {
+    const test::ScratchFolder scratch;
+    const std::string folder = scratch / "out";
+    Results results = made_results();
+    const auto widened = [](FeatureId id) { return id * 4294967296 - 5; };  // low halves all alike
+    for (LandmarkEstimate& landmark : results.estimate.landmarks)
+        landmark.id = widened(landmark.id);
+    for (FeatureFrame& frame : results.keyframes)
+        for (FeatureObservation& f : frame.features) f.feature_id = widened(f.feature_id);
+    write_results(folder, results);
+    const Estimate back = read_results(folder);
+    ASSERT_EQ(back.landmarks.size(), 3u);
+    for (size_t j = 0; j < 3; ++j) EXPECT_EQ(back.landmarks[j].id, widened(7 * j));
+    mrpt::maps::CSimpleMap map;
+    ASSERT_TRUE(map.loadFromFile(folder + "/keyframes.simplemap"));
+    std::set<int> named;
+    for (size_t i = 0; i < map.size(); ++i) {
+        mrpt::poses::CPose3DPDF::Ptr pdf;
+        mrpt::obs::CSensoryFrame::Ptr sensors;
+        map.get(i, pdf, sensors);
+        const auto sights = sensors->getObservationByClass<mrpt::obs::CObservationBearingRange>();
+        for (const auto& sight : sights->sensedData) {
+            named.insert(sight.landmarkID);
+            const Eigen::Vector3d p_W =
+                results.estimate.landmarks.at(static_cast<size_t>(sight.landmarkID)).p_W;
+            EXPECT_NEAR(sight.range, (results.estimate.states[i].T_W_B.inverse() * p_W).norm(),
+                        1e-5);
+        }
+    }
+    EXPECT_EQ(named, (std::set<int>{0, 1, 2}));
+}
+
+// A disk that fills with the last bytes of the map, or of what it is made of: an error, and no map
+// that looks complete.
+TEST(Results, KeyframesOnAFullDiskAreTold) {
+    const Results results = made_results();
+    for (const char* full : {"map.simplemap.partial", "keyframes.partial"}) {
+        const test::ScratchFolder scratch;
+        std::filesystem::create_symlink("/dev/full", scratch / full);
+        LandmarkSpool landmarks(scratch / "landmarks.partial");
+        for (const LandmarkEstimate& landmark : results.estimate.landmarks) landmarks.add(landmark);
+        landmarks.close();
+        KeyframeSpool keyframes(scratch / "keyframes.partial", results.rig);
+        for (size_t i = 0; i < 5; ++i)
+            keyframes.add(results.keyframes[i], results.estimate.states[i]);
+        const std::string error =
+            test::error_of([&] { keyframes.finish(scratch / "map.simplemap", landmarks); });
+        EXPECT_EQ(error, (scratch / full) + ": cannot be completed; is the disk full?");
+        EXPECT_FALSE(std::filesystem::is_symlink(scratch / "map.simplemap")) << full;
+        EXPECT_FALSE(std::filesystem::exists(scratch / "map.simplemap")) << full;
+    }
+}
+
+// What a file lacks is an event, for people and scripts.
+TEST(Results, MotionsLeftOutOfTheGraphAreTold) {
+    const test::ScratchFolder scratch;
+    Results results = made_results();
+    for (size_t i = 0; i + 1 < 5; ++i) {
+        const StateEstimate &a = results.estimate.states[i], &b = results.estimate.states[i + 1];
+        results.estimate.keyframe_motions.push_back(
+            {a.t, b.t, a.T_W_B.inverse() * b.T_W_B,
+             i == 2 ? Matrix6d::Zero() : Matrix6d(1e-4 * Matrix6d::Identity())});
+    }
+    results.summary["events"].push_back({{"t_ns", 1}, {"text", "start"}});
+    write_results(scratch / "out", results);
+    const auto summary = nlohmann::json::parse(read_text(scratch / "out/summary.json"));
+    ASSERT_EQ(summary["events"].size(), 2u);
+    EXPECT_EQ(summary["events"][1]["t_ns"], results.estimate.states[2].t);
+    EXPECT_EQ(summary["events"][1]["text"].get<std::string>().find(
+                  "keyframes.graph: 1 motions between key-frames have no covariance"),
+              0u)
+        << summary["events"][1]["text"];
+    EXPECT_TRUE(std::filesystem::exists(scratch / "out/keyframes.graph"));
 }
 
 TEST(Results, AreReadByMrpt) {

@@ -87,6 +87,53 @@ TEST(PoseGraph, IsReadByMrptWithEveryNumber) {
 }
 #endif
 
+// One motion without covariance costs its edge: the others stay, and what is left out is told.
+TEST(PoseGraph, MotionWithoutInverseLeavesItsEdgeOut) {
+    const test::ScratchFolder folder;
+    Estimate estimate = estimate_with_motions();
+    estimate.keyframe_motions[1].covariance.setZero();
+    const auto rows_of = [](const std::string& file) {
+        std::vector<std::string> found;
+        TextRows rows(file);
+        while (rows.next())
+            found.push_back(std::string(rows.text(0)) +
+                            (rows.text(0) == "EDGE3"
+                                 ? " " + std::string(rows.text(1)) + " " + std::string(rows.text(2))
+                                 : ""));
+        return found;
+    };
+    const std::vector<std::string> expected = {"VERTEX3", "FIX",     "VERTEX3",  "EDGE3 0 1",
+                                               "VERTEX3", "VERTEX3", "EDGE3 2 3"};
+    PoseGraphWriter whole(folder / "whole.graph");
+    whole.add(estimate);
+    EXPECT_EQ(whole.left_out().count, 1);
+    EXPECT_EQ(whole.left_out().from, estimate.states[2].t);
+    EXPECT_EQ(whole.left_out().to, estimate.states[4].t);
+    ASSERT_TRUE(whole.finish());
+    EXPECT_EQ(rows_of(folder / "whole.graph"), expected);
+
+    // State by state, as the filter gives them: the key-frame after the gap is no more at hand.
+    PoseGraphWriter pieces(folder / "pieces.graph");
+    for (const StateEstimate& state : estimate.states) {
+        Estimate piece;
+        piece.states = {state};
+        for (const RelativeMotion& motion : estimate.keyframe_motions)
+            if (motion.to == state.t) piece.keyframe_motions.push_back(motion);
+        if (state.t == estimate.states[2].t)
+            piece.states.insert(piece.states.begin(), estimate.states[0]);
+        pieces.add(piece);
+    }
+    ASSERT_TRUE(pieces.finish());
+    EXPECT_EQ(read_text(folder / "pieces.graph"), read_text(folder / "whole.graph"));
+
+    for (RelativeMotion& motion : estimate.keyframe_motions) motion.covariance.setZero();
+    PoseGraphWriter none(folder / "none.graph");
+    none.add(estimate);
+    EXPECT_EQ(none.left_out().count, 3);
+    EXPECT_FALSE(none.finish());
+    EXPECT_FALSE(std::filesystem::exists(folder / "none.graph"));
+}
+
 // Independent of MRPT's reader: the 21 numbers of an edge, angles in the order roll, pitch, yaw.
 TEST(PoseGraph, EdgesHoldTheWholeInformationMatrix) {
     const test::ScratchFolder folder;
@@ -141,7 +188,7 @@ TEST(PoseGraph, IsTheSameWhenItComesInPieces) {
 TEST(PoseGraph, NeedsCovariances) {
     const test::ScratchFolder folder;
     Estimate estimate = estimate_with_motions();
-    estimate.keyframe_motions[1].covariance.setZero();
+    for (RelativeMotion& motion : estimate.keyframe_motions) motion.covariance.setZero();
     EXPECT_THROW(write_pose_graph(folder / "x.graph", estimate), InputError);
     EXPECT_THROW(write_pose_graph(folder / "x.graph", {}), InputError);
     EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
