@@ -60,7 +60,8 @@ void add_asl(CLI::App& import_command, const char* name, const char* help,
     add_output(*command, arguments->output);
     command->add_option("--camera", arguments->options.camera, "Camera folder")
         ->capture_default_str();
-    command->add_option("--imu", arguments->options.imu, "IMU folder")->capture_default_str();
+    command->add_option("--imu", arguments->options.imu,
+                        "IMU folder; default: imu0, where there is one");
     command->add_flag("--external-images", arguments->options.external_images, kExternalImages);
     command->callback([arguments, import] {
         run(arguments->output, [&](const auto& progress) {

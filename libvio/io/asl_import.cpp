@@ -20,13 +20,17 @@ namespace fs = std::filesystem;
 // Calibration of a TUM-VI data set, beside mav0/.
 constexpr const char* kTumViCamera = "dso/camchain.yaml";
 constexpr const char* kTumViImu = "dso/imu_config.yaml";
+constexpr const char* kUsualImu = "imu0";
 
 class ImuSource final : public MeasurementSource {
  public:
     explicit ImuSource(const fs::path& csv) : row_(csv.string()) {}
 
     bool advance() override {
-        if (!row_.next()) return false;
+        if (!row_.next()) {
+            if (!started()) throw InputError(row_.file() + ": holds no readings");
+            return false;
+        }
         row_.require(7);
         set_time(row_.integer(0), row_);
         return true;
@@ -106,6 +110,30 @@ fs::path find_root(const std::string& dir) {
     return fs::is_directory(fs::path(dir) / "mav0") ? fs::path(dir) / "mav0" : fs::path(dir);
 }
 
+// The sensors' folders of a data set, for an error message.
+std::string folders_in(const fs::path& root) {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(root))
+        if (fs::exists(entry.path() / "data.csv") || fs::exists(entry.path() / "sensor.yaml") ||
+            fs::exists(entry.path() / "features.csv") ||
+            fs::exists(entry.path() / "features.csv.gz"))
+            names.insert(entry.path().filename().string());
+    std::string text;
+    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+    return text;
+}
+
+// The options with the IMU's folder, empty if there is none. A folder that was named is there.
+AslImportOptions with_folders(const fs::path& root, AslImportOptions options) {
+    const bool imu_named = !options.imu.empty();
+    if (!imu_named && fs::is_directory(root / kUsualImu)) options.imu = kUsualImu;
+    const std::string there = folders_in(root);
+    for (const std::string& name : {options.camera, options.imu})
+        if (!name.empty() && !there.empty() && !fs::is_directory(root / name))
+            throw InputError((root / name).string() + ": no such folder; there are " + there);
+    return options;
+}
+
 std::optional<fs::path> existing(std::initializer_list<fs::path> candidates) {
     for (const fs::path& path : candidates)
         if (fs::is_regular_file(path)) return path;
@@ -116,7 +144,7 @@ std::optional<fs::path> existing(std::initializer_list<fs::path> candidates) {
 MeasurementSources open_sources(const fs::path& root, const AslImportOptions& options) {
     MeasurementSources sources;
     const fs::path camera = root / options.camera, imu = root / options.imu;
-    if (fs::is_directory(imu)) sources.push_back(std::make_unique<ImuSource>(imu / "data.csv"));
+    if (!options.imu.empty()) sources.push_back(std::make_unique<ImuSource>(imu / "data.csv"));
     const auto images = existing({camera / "data.csv"});
     const auto features = existing({camera / "features.csv", camera / "features.csv.gz"});
     if (!images && !features)
@@ -145,7 +173,7 @@ ImportReport import_measurements(const fs::path& root, const Rig& rig,
                                  const std::function<void(double)>& progress) {
     RawlogWriterOptions writer_options;
     writer_options.camera_label = options.camera;
-    writer_options.imu_label = options.imu;
+    if (!options.imu.empty()) writer_options.imu_label = options.imu;
     writer_options.external_images = options.external_images;
     ImportReport report;
     auto sources = open_sources(root, options);
@@ -159,9 +187,10 @@ ImportReport import_measurements(const fs::path& root, const Rig& rig,
 }  // namespace
 
 ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
-                        const AslImportOptions& options,
+                        const AslImportOptions& given,
                         const std::function<void(double)>& progress) {
     const fs::path root = find_root(dir);
+    const AslImportOptions options = with_folders(root, given);
     const fs::path yaml = root / options.camera / "sensor.yaml";
     if (!fs::exists(yaml) && fs::exists(root.parent_path() / kTumViCamera))
         throw InputError(yaml.string() +
@@ -176,7 +205,7 @@ ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
     rig.camera = camera.camera;
     rig.T_B_C = camera.T_B_C;
     rig.time_offset = camera.time_offset;
-    if (fs::is_directory(root / options.imu)) {
+    if (!options.imu.empty()) {
         const AslImu imu = read_asl_imu((root / options.imu / "sensor.yaml").string());
         rig.T_B_I = imu.T_B_I;
         rig.imu_noise = imu.noise;
@@ -185,19 +214,20 @@ ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
 }
 
 ImportReport import_tum_vi(const std::string& dir, const std::string& out_rawlog,
-                           const AslImportOptions& options,
+                           const AslImportOptions& given,
                            const std::function<void(double)>& progress) {
     const fs::path root = find_root(dir);
+    const AslImportOptions options = with_folders(root, given);
     const fs::path camera = root.parent_path() / kTumViCamera, imu = root.parent_path() / kTumViImu;
     for (const fs::path& yaml : {camera, imu})
         if (!fs::is_regular_file(yaml))
             throw InputError(yaml.string() +
                              ": no such file; name the folder of a TUM-VI data set, with dso/ and "
                              "mav0/ (of the export in EuRoC/DSO format)");
-    Rig rig;
-    load_yaml_calibration(camera.string(), rig, options.camera);
-    load_yaml_calibration(imu.string(), rig);
-    return import_measurements(root, rig, out_rawlog, options, progress);
+    StatedRig stated;
+    load_yaml_calibration(camera.string(), stated, options.camera);
+    load_yaml_calibration(imu.string(), stated);
+    return import_measurements(root, stated.resolved(), out_rawlog, options, progress);
 }
 
 }  // namespace vio

@@ -11,7 +11,7 @@ namespace vio {
 /// What of a data set is imported.
 struct AslImportOptions {
     std::string camera = "cam0";   ///< camera folder; becomes the sensor label
-    std::string imu = "imu0";      ///< IMU folder; becomes the sensor label
+    std::string imu;               ///< IMU folder, likewise; empty: imu0 where there is one
     bool external_images = false;  ///< PNG files beside the rawlog, else embedded
 };
 
@@ -24,8 +24,8 @@ struct AslImportOptions {
 /// Body frame B is the data set's; T_BS and intrinsics go into the rawlog's own fields, noise
 /// densities into X.calibration.ini. Rows may have more columns; lines that begin with # are
 /// comments. `progress` receives the share done, 0 to 1.
-/// Throws InputError naming file and line for missing files, malformed rows, unknown models and
-/// stamps that do not increase; no rawlog is left then.
+/// Throws InputError naming file and line for missing files and folders that were named, malformed
+/// rows, unknown models and stamps that do not increase; no rawlog is left then.
 ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
                         const AslImportOptions& options = {},
                         const std::function<void(double)>& progress = {});

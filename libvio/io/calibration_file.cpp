@@ -146,7 +146,8 @@ const CameraKey kCameraKeys[] = {
 };
 
 // Overrides the camera with the entries of [camera]; a camera of another model is made anew.
-void apply_camera(const std::vector<Entry>& entries, const std::string& file, Rig& rig) {
+void apply_camera(const std::vector<Entry>& entries, const std::string& file, StatedRig& stated) {
+    Rig& rig = stated.rig;
     CameraDescription d;
     if (rig.camera) d = describe(*rig.camera);
     bool whole = !rig.camera, changed = false;
@@ -161,7 +162,7 @@ void apply_camera(const std::vector<Entry>& entries, const std::string& file, Ri
         }
     for (const Entry& e : entries) {
         if (e.key == "T_B_C") {
-            rig.T_B_C = e.pose();
+            stated.set_T_B_C(e.pose());
             continue;
         }
         const auto key = std::find_if(std::begin(kCameraKeys), std::end(kCameraKeys),
@@ -209,7 +210,7 @@ void apply_imu(const Entry& e, Rig& rig) {
 }
 
 // The format of this project.
-void load_own(const std::string& file, const mrpt::config::CConfigFile& ini, Rig& rig) {
+void load_own(const std::string& file, const mrpt::config::CConfigFile& ini, StatedRig& stated) {
     std::vector<std::string> sections, keys;
     ini.getAllSections(sections);
     std::vector<Entry> camera;
@@ -224,10 +225,10 @@ void load_own(const std::string& file, const mrpt::config::CConfigFile& ini, Rig
             if (section == "camera")
                 camera.push_back(entry);
             else
-                apply_imu(entry, rig);
+                apply_imu(entry, stated.rig);
         }
     }
-    if (!camera.empty()) apply_camera(camera, file, rig);
+    if (!camera.empty()) apply_camera(camera, file, stated);
 }
 
 // Section of a camera as MRPT's TCamera::saveToConfigFile writes it, if there is one. MRPT's own
@@ -276,19 +277,29 @@ void load_mrpt(const std::string& file, const mrpt::config::CConfigFile& ini,
     }
 }
 
-}  // namespace
-
-void load_calibration(const std::string& file, Rig& rig) {
+void load(const std::string& file, StatedRig& stated) {
     if (!std::filesystem::is_regular_file(file))
         throw InputError(file + ": no such file; name an existing calibration file");
     const std::string extension = std::filesystem::path(file).extension().string();
-    if (extension == ".yaml" || extension == ".yml") return load_yaml_calibration(file, rig);
+    if (extension == ".yaml" || extension == ".yml") return load_yaml_calibration(file, stated);
     const auto opened = open_ini(file);
     const auto& ini = *opened;
     if (const auto section = mrpt_section(ini))
-        load_mrpt(file, ini, *section, rig);
+        load_mrpt(file, ini, *section, stated.rig);
     else
-        load_own(file, ini, rig);
+        load_own(file, ini, stated);
+}
+
+}  // namespace
+
+void load_calibrations(const std::vector<std::string>& files, Rig& rig) {
+    StatedRig stated{rig, {}};
+    for (const std::string& file : files) load(file, stated);
+    rig = stated.resolved();
+}
+
+void load_calibration(const std::string& file, Rig& rig) {
+    load_calibrations({file}, rig);
 }
 
 }  // namespace vio

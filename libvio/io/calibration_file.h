@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "libvio/camera/rig.h"
 
@@ -16,6 +17,12 @@ namespace vio {
 /// - Kalibr's camchain (cam0; T_cam_imu is taken with the rig's T_B_I, timeshift_cam_imu) and
 ///   imu.yaml (noise).
 void load_calibration(const std::string& file, Rig& rig);
+
+/// The same of several files, each of which overrides those before it, key by key. T_B_C and
+/// T_cam_imu both say where the camera is: the later one counts, and T_cam_imu is taken with the
+/// T_B_I that is known after the last file. Where the camera is thus does not hang on the order of
+/// files of which no two state the same. Where it throws, the rig is left as it was.
+void load_calibrations(const std::vector<std::string>& files, Rig& rig);
 
 /// Text of a calibration file with the whole rig, T_B_C and T_B_I with their inverses as comments.
 std::string calibration_text(const Rig& rig);

@@ -236,7 +236,7 @@ void require_columns(const CsvTable& table, std::initializer_list<size_t> counts
 ImportReport import_csv(const std::string& out_rawlog, const CsvImportOptions& options,
                         const std::function<void(double)>& progress) {
     Rig rig;
-    for (const std::string& file : options.calibration_files) load_calibration(file, rig);
+    load_calibrations(options.calibration_files, rig);
     MeasurementSources sources;
     if (!options.gyro.file.empty()) {
         if (options.accel.file.empty()) {

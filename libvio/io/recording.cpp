@@ -6,6 +6,7 @@
 #include <deque>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "libvio/base/errors.h"
 #include "libvio/io/calibration_file.h"
@@ -49,8 +50,10 @@ bool enough(const Sensors& sensors, const RecordingOptions& options) {
     return sensors.camera && camera_span > kScanLimit && options.imu_label.empty();
 }
 
-std::string labels_seen(const std::string& labels) {
-    return labels.empty() ? "; the file has none" : "; labels in the file:" + labels;
+std::string labels_seen(const std::set<std::string>& labels) {
+    std::string names;
+    for (const std::string& label : labels) names += " '" + label + "'";
+    return names.empty() ? "; the file has none" : "; labels in the file:" + names;
 }
 
 // Reads the beginning of the file for its sensors and their calibration. Damage further on is left
@@ -94,9 +97,9 @@ struct Recording::Impl {
           sensors(scan(file_name, options)),
           objects(file_name) {
         const std::string sidecar = calibration_sidecar(file);
-        if (fs::exists(sidecar)) load_calibration(sidecar, sensors.rig);
-        for (const std::string& given : options.calibration_files)
-            load_calibration(given, sensors.rig);
+        std::vector<std::string> files = options.calibration_files;
+        if (fs::exists(sidecar)) files.insert(files.begin(), sidecar);
+        load_calibrations(files, sensors.rig);
         if (!sensors.rig.camera && !sensors.camera_elsewhere.empty())
             throw InputError(file + ": its camera is of the model " + sensors.camera_elsewhere +
                              ", which a rawlog cannot hold, and " + sidecar +

@@ -14,16 +14,6 @@ namespace vio {
 
 using namespace mrpt::obs;
 
-namespace {
-
-// Each label once.
-void note(const std::string& label, std::string& labels) {
-    const std::string quoted = " '" + label + "'";
-    if (labels.find(quoted) == std::string::npos) labels += quoted;
-}
-
-}  // namespace
-
 void Sensors::see(const CObservation& observation, const RecordingOptions& options) {
     if (const auto* image = dynamic_cast<const CObservationImage*>(&observation)) {
         see_camera(observation, options, image->cameraParams);
@@ -45,7 +35,7 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
         first_camera = from_mrpt(observation.timestamp);
     }
     if (!camera || label != camera_label) {
-        note(label, other_cameras);
+        other_cameras.insert(label);
         return;
     }
     last_camera = from_mrpt(observation.timestamp);
@@ -60,7 +50,7 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
 void Sensors::see_imu(const CObservationIMU& observation, const RecordingOptions& options) {
     if (imu || !from_mrpt(observation)) return;
     if (!options.imu_label.empty() && options.imu_label != observation.sensorLabel) {
-        note(observation.sensorLabel, other_imus);
+        other_imus.insert(observation.sensorLabel);
         return;
     }
     imu = true;

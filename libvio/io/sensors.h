@@ -8,6 +8,7 @@
 #include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "libvio/camera/rig.h"
@@ -20,8 +21,8 @@ struct Sensors {
     std::string camera_label, imu_label;
     bool camera = false, imu = false, images = false, features = false;
     Rig rig;
-    std::string camera_elsewhere;           ///< model of a camera that is described in a file
-    std::string other_cameras, other_imus;  ///< labels seen, for an error message
+    std::string camera_elsewhere;  ///< model of a camera that is described in a file
+    std::set<std::string> other_cameras, other_imus;  ///< labels seen, for an error message
     TimeNs first_camera = 0, last_camera = 0;
 
     /// The first camera and the first IMU, or those with the labels of the options, are taken; what

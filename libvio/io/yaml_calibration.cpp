@@ -88,17 +88,29 @@ Pose read_asl_extrinsics(const std::string& sensor_yaml) {
     return Yaml(sensor_yaml).T_BS();
 }
 
-void load_yaml_calibration(const std::string& file, Rig& rig, const std::string& camera) {
+void StatedRig::set_T_B_C(const Pose& T_B_C) {
+    rig.T_B_C = T_B_C;
+    T_I_C.reset();
+}
+
+Rig StatedRig::resolved() const {
+    Rig all = rig;
+    if (T_I_C) all.T_B_C = rig.T_B_I * *T_I_C;
+    return all;
+}
+
+void load_yaml_calibration(const std::string& file, StatedRig& stated, const std::string& camera) {
     const Yaml yaml(file);
+    Rig& rig = stated.rig;
     if (yaml.has("cam0")) {
         const Yaml part = yaml.part(camera);
         rig.camera = read_camera(part, "distortion_coeffs");
-        if (part.has("T_cam_imu")) rig.T_B_C = rig.T_B_I * part.rows("T_cam_imu").inverse();
+        if (part.has("T_cam_imu")) stated.T_I_C = part.rows("T_cam_imu").inverse();
         rig.time_offset = part.time_shift(rig.time_offset);
     } else if (yaml.has("camera_model")) {
         const AslCamera single = read_asl_camera(file);
         rig.camera = single.camera;
-        rig.T_B_C = single.T_B_C;
+        stated.set_T_B_C(single.T_B_C);
         rig.time_offset = yaml.time_shift(rig.time_offset);
     } else if (yaml.has("imu0")) {
         read_noise(yaml.part("imu0"), rig.imu_noise);

@@ -1,6 +1,7 @@
 // Calibration from YAML: sensor.yaml of ASL data sets (EuRoC, TUM-VI), camchain and imu of Kalibr.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "libvio/camera/rig.h"
@@ -28,8 +29,21 @@ AslImu read_asl_imu(const std::string& sensor_yaml);
 /// T_BS alone.
 Pose read_asl_extrinsics(const std::string& sensor_yaml);
 
-/// Overrides the rig with what a file of any of these kinds gives; see load_calibration. `camera`:
-/// which of a camchain's cameras.
-void load_yaml_calibration(const std::string& file, Rig& rig, const std::string& camera = "cam0");
+/// A rig while files are read that say where its sensors are.
+struct StatedRig {
+    Rig rig;
+    /// The camera on the IMU, where that is what was stated last of the camera's place: T_B_C then
+    /// follows when T_B_I is known.
+    std::optional<Pose> T_I_C;
+
+    void set_T_B_C(const Pose& T_B_C);
+    /// The rig, in whatever order its parts were stated.
+    Rig resolved() const;
+};
+
+/// Overrides what is stated with what a file of any of these kinds gives; see load_calibration.
+/// `camera`: which of a camchain's cameras.
+void load_yaml_calibration(const std::string& file, StatedRig& stated,
+                           const std::string& camera = "cam0");
 
 }  // namespace vio

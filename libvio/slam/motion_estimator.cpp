@@ -83,8 +83,7 @@ void MotionEstimator::Impl::wait_for_sensors(const Message& message) {
 
 void MotionEstimator::Impl::begin() {
     const std::deque<Message> early = std::exchange(waiting, {});
-    for (const std::string& given : settings.recording.calibration_files)
-        load_calibration(given, sensors.rig);
+    load_calibrations(settings.recording.calibration_files, sensors.rig);
     if (!sensors.rig.camera)
         throw InputError("camera '" + sensors.camera_label +
                          "' is not calibrated; give a calibration file");

@@ -203,6 +203,43 @@ TEST(Calibration, SurveyedPointsAreAsSureAsTheirRowsSay) {
     says("# nothing\n", "feature_id,x,y,z[,sigma]");
 }
 
+// T_cam_imu places the camera on the IMU, wherever the other file has put the IMU, before or after.
+TEST(Calibration, OrderOfFilesDoesNotMoveTheCamera) {
+    ScratchFolder folder;
+    write_text(folder / "camchain.yaml",
+               "cam0:\n  T_cam_imu:\n  - [1, 0, 0, 0.1]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n"
+               "  - [0, 0, 0, 1]\n  camera_model: pinhole\n  distortion_coeffs: [0, 0, 0, 0]\n"
+               "  distortion_model: radtan\n  intrinsics: [400, 400, 320, 240]\n"
+               "  resolution: [640, 480]\n");
+    write_text(folder / "imu.ini", "[imu]\nT_B_I = 1.04 -0.03 0.03 0 0 1 0\n");
+    write_text(folder / "imu.yaml",
+               "T_BS:\n  data: [0, -1, 0, 0.5, 1, 0, 0, 0.6, 0, 0, 1, 0.7, 0, 0, 0, 1]\n"
+               "accelerometer_noise_density: 0.0014\naccelerometer_random_walk: 8.6e-05\n"
+               "gyroscope_noise_density: 8.0e-05\ngyroscope_random_walk: 2.2e-06\n");
+    Rig recorded;  // the rawlog's own, to be overridden
+    recorded.T_B_I = recorded.T_B_C = {Eigen::Matrix3d::Identity(), {7, 8, 9}};
+    for (const char* imu : {"imu.ini", "imu.yaml"}) {
+        Rig before = recorded, after = recorded, imu_alone = recorded;
+        load_calibrations({folder / imu, folder / "camchain.yaml"}, before);
+        load_calibrations({folder / "camchain.yaml", folder / imu}, after);
+        load_calibration(folder / imu, imu_alone);
+        for (const Rig& rig : {before, after}) {
+            EXPECT_EQ(rig.T_B_I.p, imu_alone.T_B_I.p);
+            EXPECT_LT((rig.T_I_C().p - Eigen::Vector3d(-0.1, 0, 0)).norm(), 1e-15) << imu;
+            EXPECT_LT((rig.T_I_C().R - Eigen::Matrix3d::Identity()).norm(), 1e-15) << imu;
+        }
+        EXPECT_EQ(before.T_B_C.p, after.T_B_C.p);
+        EXPECT_EQ(imu_alone.T_B_C.p, recorded.T_B_C.p);  // of which that file says nothing
+    }
+    // Of two that say where the camera is, the later one.
+    write_text(folder / "camera.ini", "[camera]\nT_B_C = 1 2 3 0 0 0 1\n");
+    Rig rig;
+    load_calibrations({folder / "camchain.yaml", folder / "camera.ini", folder / "imu.ini"}, rig);
+    EXPECT_EQ(rig.T_B_C.p, Eigen::Vector3d(1, 2, 3));
+    load_calibrations({folder / "camera.ini", folder / "camchain.yaml", folder / "imu.ini"}, rig);
+    EXPECT_LT((rig.T_I_C().p - Eigen::Vector3d(-0.1, 0, 0)).norm(), 1e-15);
+}
+
 TEST(Calibration, ReadsKalibrsFiles) {
     ScratchFolder folder;
     write_text(folder / "camchain.yaml",

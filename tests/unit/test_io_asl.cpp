@@ -221,7 +221,8 @@ TEST_F(MiniDataSet, BadRowsAreNamed) {
 
 // What one measurement lacks costs that measurement alone: reading goes on behind it.
 TEST_F(MiniDataSet, UnusableMeasurementsAreLeftOutAndTold) {
-    const auto whole = import_asl(folder_ / "set", out());
+    add_images();
+    const auto whole = run();
     const std::string imu = read_text(mav0("imu0/data.csv")),
                       images = read_text(mav0("cam0/data.csv"));
     write_text(mav0("imu0/data.csv"), imu +
@@ -229,7 +230,7 @@ TEST_F(MiniDataSet, UnusableMeasurementsAreLeftOutAndTold) {
                                           "1403636584778555520,1,2,3,4,5,-inf\n"
                                           "1403636584783555520,1,2,3,4,5,6\n");
     write_text(mav0("cam0/data.csv"), images + "1403636584863555456,none.png\n");
-    const auto report = import_asl(folder_ / "set", out());
+    const auto report = run();
     EXPECT_EQ(report.imu_readings, whole.imu_readings + 1);
     EXPECT_EQ(report.images, whole.images);
     ASSERT_EQ(report.left_out.kinds().size(), 2u);
@@ -242,8 +243,30 @@ TEST_F(MiniDataSet, UnusableMeasurementsAreLeftOutAndTold) {
     EXPECT_EQ(whole.left_out.total(), 0);
 }
 
+// A data set may have no IMU; one that was asked for it must have.
+TEST_F(MiniDataSet, NamedFoldersMustBeThere) {
+    add_images();
+    AslImportOptions options;
+    options.imu = "imu1";
+    EXPECT_EQ(error_of([&] { import_asl(folder_.path().string(), out(), options); }),
+              mav0("imu1") + ": no such folder; there are cam0, imu0");
+    options.imu = "imu0";
+    options.camera = "cam1";
+    EXPECT_EQ(error_of([&] { import_asl(folder_.path().string(), out(), options); }),
+              mav0("cam1") + ": no such folder; there are cam0, imu0");
+    EXPECT_FALSE(fs::exists(out()));
+    options.camera = "cam0";
+    EXPECT_EQ(import_asl(folder_.path().string(), out(), options).imu_readings, 3);
+    write_text(mav0("imu0/data.csv"), "#timestamp\n");
+    EXPECT_EQ(error(), mav0("imu0/data.csv") + ": holds no readings");
+    fs::remove_all(mav0("imu0"));
+    EXPECT_EQ(error(), "");
+    EXPECT_NE(error_of([&] { import_asl(folder_.path().string(), out(), options); }), "");
+}
+
 // Of a stream in which nothing can be used, something else is wrong.
 TEST_F(MiniDataSet, StreamsWithoutAnyUsableMeasurementAreRefused) {
+    add_images();
     write_text(mav0("imu0/data.csv"), "1,1,2,nan,4,5,6\n2,1,2,3,nan,5,6\n");
     const std::string message = error();
     EXPECT_NE(message.find("imu0/data.csv (line 1): 'nan' is not a finite number"),

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <sstream>
 
@@ -16,6 +17,7 @@
 #include "libvio/io/feature_observation.h"
 #include "libvio/io/gz_stream.h"
 #include "libvio/io/mrpt_conversions.h"
+#include "libvio/io/rawlog_info.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/text.h"
 #include "tests/unit/scratch_folder.h"
@@ -306,6 +308,30 @@ TEST(Rawlog, LabelsChooseTheSensors) {
     EXPECT_NE(error.find("'left' 'right'"), std::string::npos) << error;
 }
 
+// However often it is seen, and though the camera asked for is there no more than the IMU.
+TEST(Rawlog, LabelsAreListedOnce) {
+    ScratchFolder folder;
+    GzOutput out(folder / "a.rawlog");
+    auto archive = mrpt::serialization::archiveFrom(out);
+    for (int i = 0; i < 30; ++i) {
+        auto reading = to_mrpt(ImuReading{kStart + 100 * i, {1, 2, 3}, {4, 5, 6}});
+        reading.sensorLabel = "imu0";
+        auto frame = to_mrpt(FeatureFrame{kStart + 100 * i, {}});
+        frame.sensorLabel = i % 2 == 0 ? "left" : "right";
+        archive << reading << frame;
+    }
+    out.close();
+    RecordingOptions options;
+    options.camera_label = "foo";
+    std::string error = error_of([&] { Recording r(folder / "a.rawlog", options); });
+    EXPECT_EQ(error, (folder / "a.rawlog") +
+                         ": no camera labelled 'foo'; labels in the file: 'left' 'right'");
+    options = {};
+    options.imu_label = "bar";
+    error = error_of([&] { Recording r(folder / "a.rawlog", options); });
+    EXPECT_EQ(error, (folder / "a.rawlog") + ": no IMU labelled 'bar'; labels in the file: 'imu0'");
+}
+
 TEST(Rawlog, ReadsActionsAndSensoryFrames) {
     ScratchFolder folder;
     GzOutput out(folder / "a.rawlog");
@@ -413,6 +439,50 @@ TEST(Rawlog, ForeignFilesAreRefusedInOneLine) {
         EXPECT_NE(error.find(name), std::string::npos) << error;
         EXPECT_EQ(error.find('\n'), std::string::npos) << error;
     }
+}
+
+// What users name in place of a rawlog: the line says what it is, and what leads to a rawlog.
+TEST(Rawlog, OtherRecordingsAreRefusedWithTheWayOn) {
+    using namespace std::string_literals;
+    ScratchFolder folder;
+    const auto says = [&](const std::string& path) {
+        const std::string error = error_of([&] { Recording recording(path); });
+        EXPECT_EQ(error.find(path + ": is a"), 0u) << error;
+        EXPECT_EQ(error.find('\n'), std::string::npos) << error;
+        EXPECT_EQ(error_of([&] { read_rawlog_info(path); }), error);
+        return error;
+    };
+    const auto file = [&](const char* name, const std::string& bytes) {
+        fs::create_directories(fs::path(folder / name).parent_path());
+        write_text(folder / name, bytes);
+        return folder / name;
+    };
+    EXPECT_NE(says(file("a.bag", "#ROSBAG V2.0\n\x45\0"s)).find("rosbag2rawlog"),
+              std::string::npos);
+    for (const std::string& bytes : {"SQLite format 3\0\x10\0"s, "\x89MCAP0\r\n\x01"s})
+        EXPECT_NE(says(file("a.db3", bytes)).find("ROS 2 bag"), std::string::npos);
+    file("bag2/metadata.yaml", "rosbag2_bagfile_information:\n");
+    EXPECT_NE(says(folder / "bag2").find("ROS 2 bag"), std::string::npos);
+    EXPECT_NE(says(file("a.zip", "PK\x03\x04..")).find("unpack"), std::string::npos);
+
+    const auto import = [&](const char* layout, const char* name) {
+        return "vio-slam import "s + layout + " " + (folder / name) + " -o ";
+    };
+    file("MH_01/mav0/cam0/sensor.yaml", "");
+    EXPECT_NE(says(folder / "MH_01").find(import("asl", "MH_01") + "MH_01.rawlog"),
+              std::string::npos);
+    EXPECT_NE(says(folder / "MH_01/").find(import("asl", "MH_01/") + "MH_01.rawlog"),
+              std::string::npos);
+    EXPECT_NE(says(folder / "MH_01/mav0").find(import("asl", "MH_01/mav0") + "MH_01.rawlog"),
+              std::string::npos);
+    file("room/dso/camchain.yaml", "");
+    file("room/mav0/cam0/data.csv", "");
+    EXPECT_NE(says(folder / "room").find(import("tum-vi", "room")), std::string::npos);
+    file("drive/oxts/timestamps.txt", "");
+    file("drive/image_00/timestamps.txt", "");
+    EXPECT_NE(says(folder / "drive").find(import("kitti", "drive")), std::string::npos);
+    fs::create_directory(folder / "other");
+    EXPECT_NE(says(folder / "other").find("vio-slam import --help"), std::string::npos);
 }
 
 // One image that is gone costs that image; their whole folder, the recording.
