@@ -39,6 +39,27 @@ class ImportCommands : public ::testing::Test {
     ScratchFolder folder_;
 };
 
+// Of a table with holes the rest is imported, and the first hole's place is told.
+TEST_F(ImportCommands, ReadingsWithoutANumberAreToldAndLeftOut) {
+    const std::string table = phone_table(50);
+    std::ofstream(table, std::ios::app)
+        << "2000,1,nan,0,0,0,-1\n2020,0,0,0,0,,-1\n2040,0,0,0,0,0,-1\n";
+    const ProgramResult import = run("import csv --imu " + table +
+                                     " --imu-columns time,gx,gy,gz,ax,ay,az --time-unit ms -o " +
+                                     (folder_ / "phone.rawlog"));
+    EXPECT_EQ(import.exit_code, 0) << import.err;
+    EXPECT_NE(import.out.find("51 IMU readings, 1.04 s"), std::string::npos) << import.out;
+    EXPECT_NE(import.out.find("left out: 2 IMU readings; the first: " + table +
+                              " (line 52): 'nan' is not a finite number\n"),
+              std::string::npos)
+        << import.out;
+    std::ofstream(table) << "time,gx,gy,gz,ax,ay,az\n1,nan,0,0,0,0,-1\n";
+    expect_refusal("import csv --imu " + table +
+                       " --imu-columns time,gx,gy,gz,ax,ay,az --time-unit ms -o " +
+                       (folder_ / "none.rawlog"),
+                   "'nan' is not a finite number; so all had to be left out: 1");
+}
+
 TEST_F(ImportCommands, ATableBecomesARawlogWhoseNoiseIsMeasured) {
     const std::string table = phone_table(50 * 90), rawlog = folder_ / "phone.rawlog";
     const ProgramResult import =

@@ -160,7 +160,8 @@ TEST_F(TumVi, WhatIsMissingIsNamed) {
     AslImportOptions options;
     options.camera = "cam2";
     const auto camera = refusal([&] { import_tum_vi(folder_ / "d", out(), options); });
-    EXPECT_TRUE(contains(camera, "camchain.yaml (cam2)")) << camera;
+    EXPECT_TRUE(contains(camera, "cam2: no such folder; there are cam0, cam1, imu0, mocap0"))
+        << camera;
     write("d/mav0/imu0/data.csv", "1,2,3\n");
     const auto row = refusal([&] { run(); });
     EXPECT_TRUE(contains(row, "imu0/data.csv (line 1)")) << row;
@@ -358,12 +359,26 @@ TEST_F(Kitti, WhatIsWrongIsNamed) {
     other.replace(other.find("1.242000e+03"), 12, "1.240000e+03");
     const std::string size = with("2011_09_26/calib_cam_to_cam.txt", other);
     EXPECT_TRUE(contains(size, "is not the size of the images, 1242x375 px")) << size;
-    fs::remove(folder_ / (drive_ + "/image_00/data/0000000003.png"));
-    const std::string image = refusal([&] { run(); });
-    EXPECT_TRUE(contains(image, "timestamps.txt (line 4): image")) << image;
     fs::remove(folder_ / "2011_09_26/calib_cam_to_cam.txt");
     const std::string none = refusal([&] { run(); });
     EXPECT_TRUE(contains(none, "--calibration-dir")) << none;
+}
+
+TEST_F(Kitti, ImagesAndPacketsThatCannotBeUsedAreLeftOut) {
+    const auto whole = run();
+    fs::remove(folder_ / (drive_ + "/image_00/data/0000000003.png"));
+    std::string unknown = packet(1);
+    unknown.replace(0, unknown.find(' '), "nan");
+    write(drive_ + "/oxts/data/0000000001.txt", unknown);
+    const auto report = run();
+    EXPECT_EQ(report.images, whole.images - 1);
+    EXPECT_EQ(report.imu_readings, whole.imu_readings - 1);
+    ASSERT_EQ(report.left_out.kinds().size(), whole.left_out.kinds().size() + 2);
+    std::string told;
+    for (const LeftOut& kind : report.left_out.kinds()) told += one_line(kind) + "\n";
+    EXPECT_TRUE(contains(told, "timestamps.txt (line 4): image")) << told;
+    EXPECT_TRUE(contains(told, "1 OXTS packets: ") && contains(told, "0000000001.txt (line 1)"))
+        << told;
 }
 
 TEST(DateTime, IsParsedExactly) {

@@ -544,6 +544,20 @@ TEST(Rawlog, ImageOfAnotherSizeThanCalibratedIsRefused) {
     EXPECT_NE(error_of([&] { recording.next(); }).find("32x24"), std::string::npos);
 }
 
+// In the file's own words, not in the lines of an exception of MRPT's.
+TEST(Rawlog, WriterTellsOfAFullDiskInOneLine) {
+    ScratchFolder folder;
+    fs::create_symlink("/dev/full", folder / "a.rawlog.partial");
+    cv::Mat noise(1000, 1000, CV_8UC1);
+    cv::RNG(1).fill(noise, cv::RNG::UNIFORM, 0, 256);
+    const std::string error = error_of([&] {
+        RawlogWriter writer(folder / "a.rawlog", {});
+        writer.write(ImageMessage{kStart, noise});
+    });
+    EXPECT_EQ(error, (folder / "a.rawlog.partial") + ": cannot be written; is the disk full?");
+    EXPECT_FALSE(fs::exists(folder / "a.rawlog"));
+}
+
 TEST(Rawlog, WriterRefusesWhatItCannotKeep) {
     ScratchFolder folder;
     RawlogWriter writer(folder / "a.rawlog", test_rig());
