@@ -152,6 +152,13 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     if (!options.covariances) singular = !equations.factorize();
     if (course.rig) result.rig = refined_rig(*course.rig, equations);
     judge_solution(course, objective, equations, singular, result.report);
+    if (result.report.converged && !course.start_confirmed) {
+        result = {{}, result.report, {}, {}};
+        result.report.converged = false;
+        result.report.reason =
+            "no two of the starts that were tried, each grown from another pair of images, led to "
+            "the same estimate: give a start, or tracks with fewer mistakes";
+    }
     return result;
 }
 

@@ -119,8 +119,8 @@ struct BatchResult {
 /// landmarks are optional. Throws InputError for input that cannot be estimated from (too few
 /// images, no common features, IMU that does not cover the images). A minimisation that does not
 /// end, and quantities that remain undetermined, are reported (`converged` false, `reason`), not
-/// thrown. So is a failed start (gravity not found, or most observations contradict where it led):
-/// its estimate is empty.
+/// thrown. So is a failed start (gravity not found, most observations contradict where it led, or
+/// images alone lead elsewhere from each that is tried): its estimate is empty.
 /// Image-only, the distance of the image farthest from the first is held at what the start makes
 /// it.
 BatchResult estimate_batch(const BatchProblem& problem, const BatchOptions& options,

@@ -205,10 +205,15 @@ void start_with_readings(Course& course) {
 // Images alone have many minima: only where no two of them tell a motion is there nothing better
 // than the paper's start.
 void start_with_images(Course& course) {
-    if (auto grown = grow_from_two_views(course.model, course.options))
-        course.state = std::move(*grown);
-    else
+    auto grown = grow_from_two_views(course.model, course.options);
+    if (!grown) {
         minimize_from_nothing(course, blind_start(course.model, course.options));
+        return;
+    }
+    course.state = std::move(grown->state);
+    // Of a part, the images that a staged start goes on with may tell.
+    const bool whole = course.model.frames() == static_cast<int>(course.problem.frames.size());
+    course.start_confirmed = grown->confirmed || !whole;
 }
 
 }  // namespace

@@ -15,6 +15,7 @@ struct Course {
     const BatchOptions& options;
     Model model{};
     State state{};
+    bool start_confirmed = true;         ///< or else other starts led elsewhere
     std::optional<RigRefinement> rig{};  ///< while it is estimated too
     MinimizeReport last{};
     BatchReport sums{};  ///< iterations and times so far

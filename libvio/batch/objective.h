@@ -104,6 +104,10 @@ class Objective {
     /// between it and its sight line: the chord of the two on the unit sphere, at a pixel's angular
     /// size.
     double observation_distance2(const State& state, const Observation& observation) const;
+    /// After the robust loss.
+    double observation_cost(const State& state, const Observation& observation) const {
+        return robust(observation_distance2(state, observation));
+    }
 
  private:
     // Readings between two images, integrated; weight of what they say of the two.

@@ -241,16 +241,31 @@ TEST(BlindStart, SaysThatImagesDoNotJoin) {
     }
 }
 
-// One observation in ten anywhere in the image.
+// One observation in ten anywhere in the image. The second path is lost from the first pair of
+// images that is tried.
 TEST(BlindStart, StandsGrossOutliersWithImagesAlone) {
-    test::SimulatedRunOptions simulation = test::turning_run(180, 5);
+    for (const unsigned seed : {5U, 13U}) {
+        test::SimulatedRunOptions simulation = test::turning_run(180, seed);
+        simulation.outliers = 0.1;
+        const test::SimulatedRun run = test::simulate_run(simulation);
+        const BatchResult blind = blind_from_images(run);
+        ASSERT_TRUE(blind.report.converged) << seed << blind.report.reason;
+        const test::Errors errors = test::errors_of(blind.estimate, test::truth_of(run));
+        EXPECT_LT(errors.position, 0.05) << seed;
+        EXPECT_LT(errors.rotation, 0.05) << seed;
+    }
+}
+
+// The same, on a path where each start leads to another minimum, well determined and wrong by 12
+// degrees at best.
+TEST(BlindStart, StartsThatDisagreeAreNoResult) {
+    test::SimulatedRunOptions simulation = test::turning_run(270, 6);
     simulation.outliers = 0.1;
-    const test::SimulatedRun run = test::simulate_run(simulation);
-    const BatchResult blind = blind_from_images(run);
-    ASSERT_TRUE(blind.report.converged) << blind.report.reason;
-    const test::Errors errors = test::errors_of(blind.estimate, test::truth_of(run));
-    EXPECT_LT(errors.position, 0.05);
-    EXPECT_LT(errors.rotation, 0.05);
+    const BatchResult blind = blind_from_images(test::simulate_run(simulation));
+    EXPECT_FALSE(blind.report.converged);
+    EXPECT_TRUE(blind.estimate.states.empty());
+    EXPECT_NE(blind.report.reason.find("no two of the starts"), std::string::npos)
+        << blind.report.reason;
 }
 
 }  // namespace
