@@ -1,5 +1,6 @@
 // Updates of the whole state, and what consistency asks of them; see filter_state.h.
 #include <algorithm>
+#include <type_traits>
 
 #include "libvio/geometry/so3.h"
 #include "libvio/recursive/filter_state.h"
@@ -42,7 +43,7 @@ void FilterState::combine(const Eigen::Ref<const MatrixXd>& M, const PointRows& 
     const double* columns[21];
     int count = 0;
     const auto add = [&](int at, const auto& own) {
-        J.middleCols<own.ColsAtCompileTime>(count) = own;
+        J.middleCols<std::decay_t<decltype(own)>::ColsAtCompileTime>(count) = own;
         for (int k = 0; k < own.cols(); ++k)
             columns[count++] = M.data() + (at + k) * M.outerStride();
     };
