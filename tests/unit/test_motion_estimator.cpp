@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <set>
 
 #include "libvio/base/errors.h"
 #include "libvio/io/mrpt_conversions.h"
@@ -339,7 +340,7 @@ TEST(MotionEstimator, RemembersOtherCamerasByName) {
         sensors.see(other, {});
     }
     EXPECT_EQ(sensors.camera_label, "cam");
-    EXPECT_EQ(sensors.other_cameras, " 'right'");
+    EXPECT_EQ(sensors.other_cameras, std::set<std::string>{"right"});
 }
 
 TEST(MotionEstimator, SaysWhichSensorStaysSilent) {
