@@ -4,7 +4,6 @@
 #include <mutex>
 
 #include "libvio/base/each_processor.h"
-#include "libvio/base/wide_product.h"
 
 extern "C" {
 void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
@@ -62,19 +61,14 @@ Serial::~Serial() {
 void subtract_square(const ConstMatrix& A, Matrix C) {
     const int n = static_cast<int>(A.rows()), k = static_cast<int>(A.cols());
     const int lda = stride(A), ldc = stride(C);
-    if (wide_product_pays(n, n, k))
-        add_wide_product(-1, n, n, k, A.data(), lda, A.data(), lda, C.data(), ldc, true);
-    else if (n > 0 && k > 0)
-        dsyrk_("L", "N", &n, &k, &kMinusOne, A.data(), &lda, &kOne, C.data(), &ldc);
+    if (n > 0 && k > 0) dsyrk_("L", "N", &n, &k, &kMinusOne, A.data(), &lda, &kOne, C.data(), &ldc);
 }
 
 void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C) {
     const int m = static_cast<int>(A.rows()), n = static_cast<int>(B.rows()),
               k = static_cast<int>(A.cols());
     const int lda = stride(A), ldb = stride(B), ldc = stride(C);
-    if (wide_product_pays(m, n, k))
-        add_wide_product(alpha, m, n, k, A.data(), lda, B.data(), ldb, C.data(), ldc, false);
-    else if (m > 0 && n > 0 && k > 0)
+    if (m > 0 && n > 0 && k > 0)
         dgemm_("N", "T", &m, &n, &k, &alpha, A.data(), &lda, B.data(), &ldb, &kOne, C.data(), &ldc);
 }
 

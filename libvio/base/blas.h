@@ -1,7 +1,6 @@
-// Dense products on the machine's BLAS, which is made for the very processor, as this program, for
-// all of its kind, is not; but for combine(), and for large products where BLAS is not either
-// (wide_product.h). Column-major; a matrix with L is lower triangular, what stands above its
-// diagonal is neither read nor written.
+// Dense products on the machine's BLAS (but for combine()), which is made for the very processor,
+// as this program, for all of its kind, is not. Column-major; a matrix with L is lower triangular,
+// what stands above its diagonal is neither read nor written.
 #pragma once
 
 #include <Eigen/Dense>

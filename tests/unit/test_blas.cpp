@@ -1,8 +1,6 @@
 // Dense products on BLAS equal Eigen's.
 #include <gtest/gtest.h>
 
-#include <array>
-
 #include "libvio/base/blas.h"
 
 namespace vio {
@@ -46,23 +44,6 @@ TEST(Blas, ProductsOfBlocks) {
     expected.topRows(20).triangularView<Eigen::Lower>() = difference;
     blas::subtract_square(A, C.topRows(20));
     EXPECT_LT((C - expected).norm(), 1e-12);
-}
-
-// Whole tiles and parts of them, at the edges and on the diagonal; more columns than go at once.
-TEST(Blas, LargeProducts) {
-    for (const auto& [rows, columns, depth] :
-         {std::array{48, 48, 24}, std::array{131, 61, 37}, std::array{77, 133, 410}}) {
-        const MatrixXd A = MatrixXd::Random(rows + 5, depth), B = MatrixXd::Random(columns, depth);
-        MatrixXd C = MatrixXd::Random(rows + 9, columns + 3), expected = C;
-        expected.block(2, 1, rows, columns) -= 0.3 * A.middleRows(4, rows) * B.transpose();
-        blas::add_product(-0.3, A.middleRows(4, rows), B, C.block(2, 1, rows, columns));
-        EXPECT_LT((C - expected).norm(), 1e-13 * depth * expected.norm());
-        MatrixXd square = MatrixXd::Random(rows + 2, rows + 1), difference = square;
-        difference.bottomLeftCorner(rows, rows).triangularView<Eigen::Lower>() -=
-            A.topRows(rows) * A.topRows(rows).transpose();
-        blas::subtract_square(A.topRows(rows), square.bottomLeftCorner(rows, rows));
-        EXPECT_LT((square - difference).norm(), 1e-13 * depth * difference.norm());
-    }
 }
 
 }  // namespace
