@@ -52,9 +52,8 @@ RigRefinement::RigRefinement(const BatchProblem& problem, Model& model, const Ri
 std::vector<std::string> RigRefinement::names() const {
     std::vector<std::string> names;
     if (unknowns_.extrinsics)
-        names = {"rotation x", "rotation y", "rotation z",
-                 "position x", "position y", "position z"};
-    if (unknowns_.time_offset) names.emplace_back("time offset");
+        for (int k = 0; k < kExtrinsicUnknowns; ++k) names.emplace_back(kMountUnknowns[k].name);
+    if (unknowns_.time_offset) names.emplace_back(kMountUnknowns[kExtrinsicUnknowns].name);
     if (unknowns_.intrinsics > 0)
         for (const std::string& name : intrinsic_names(*rig_.camera, unknowns_.intrinsics))
             names.push_back(name);
@@ -63,8 +62,9 @@ std::vector<std::string> RigRefinement::names() const {
 
 std::vector<std::string> RigRefinement::units() const {
     std::vector<std::string> units;
-    if (unknowns_.extrinsics) units = {"rad", "rad", "rad", "m", "m", "m"};
-    if (unknowns_.time_offset) units.emplace_back("s");
+    if (unknowns_.extrinsics)
+        for (int k = 0; k < kExtrinsicUnknowns; ++k) units.emplace_back(kMountUnknowns[k].unit);
+    if (unknowns_.time_offset) units.emplace_back(kMountUnknowns[kExtrinsicUnknowns].unit);
     const std::string model = rig_.camera->model_name();
     const std::string focal = model == "fisheye"            ? "px/rad"
                               : model == "parabolic_mirror" ? "px/m"

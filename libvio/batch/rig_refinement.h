@@ -9,6 +9,16 @@
 
 namespace vio::batch {
 
+/// Name and unit of an unknown of the camera's mount: T_I_C in the order of a pose's errors, then
+/// its clock.
+struct MountUnknown {
+    const char *name, *unit;
+};
+inline constexpr int kExtrinsicUnknowns = 6;
+inline constexpr MountUnknown kMountUnknowns[kExtrinsicUnknowns + 1] = {
+    {"rotation x", "rad"}, {"rotation y", "rad"}, {"rotation z", "rad"}, {"position x", "m"},
+    {"position y", "m"},   {"position z", "m"},   {"time offset", "s"}};
+
 /// The rig of a model while it is being estimated with everything else. What it was made with is
 /// what is stated of it.
 class RigRefinement {

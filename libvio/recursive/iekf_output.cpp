@@ -1,6 +1,7 @@
 // What is published: states, landmarks, motions between key-frames.
 #include <algorithm>
 
+#include "libvio/batch/rig_refinement.h"
 #include "libvio/geometry/relative_pose.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/recursive/body_frame.h"
@@ -84,14 +85,11 @@ std::optional<RefinedRig> Iekf::refined_rig() const {
         f.rig.time_offset - to_seconds(f.stated_offset);
     stated << Vector3d::Constant(f.options.camera_rotation_sigma),
         Vector3d::Constant(f.options.camera_position_sigma), f.options.time_offset_sigma;
-    const char* const names[] = {"rotation x", "rotation y", "rotation z", "position x",
-                                 "position y", "position z", "time offset"};
-    for (int k = 0; k < kMountSize; ++k)
-        refined.unknowns.push_back({names[k],
-                                    k < 3   ? "rad"
-                                    : k < 6 ? "m"
-                                            : "s",
-                                    change(k), std::sqrt(refined.covariance(k, k)), stated(k)});
+    for (int k = 0; k < kMountSize; ++k) {
+        const auto& [name, unit] = batch::kMountUnknowns[k];
+        refined.unknowns.push_back(
+            {name, unit, change(k), std::sqrt(refined.covariance(k, k)), stated(k)});
+    }
     return refined;
 }
 

@@ -120,19 +120,39 @@ std::vector<std::pair<std::string, size_t>> properties(const std::string& text) 
     return found;
 }
 
+// The rows of a binary PLY file, in the places that its head says.
+class BinaryPly {
+ public:
+    BinaryPly(const std::string& file, size_t rows) : bytes_(content(file)) {
+        for (const auto& [name, size] : properties(bytes_))
+            place_[name] = std::exchange(row_, row_ + size);
+        begin_ = bytes_.find("end_header\n") + 11;
+        EXPECT_EQ(bytes_.size(), begin_ + row_ * rows);
+    }
+
+    // Of row i; number: any of the property's type.
+    template <typename Number>
+    Number read(size_t i, const char* name, Number number) const {
+        const size_t at = begin_ + i * row_ + place_.at(name);
+        EXPECT_LE(at + sizeof number, bytes_.size());
+        std::memcpy(&number, bytes_.data() + at, sizeof number);
+        return number;
+    }
+
+ private:
+    std::string bytes_;
+    std::map<std::string, size_t> place_;
+    size_t row_ = 0, begin_ = 0;
+};
+
 TEST(Ply, BinaryHoldsEveryNumberInTheOrderOfItsHead) {
     const test::ScratchFolder folder;
     const auto landmarks = made_estimate().landmarks;
     write_ply(folder / "map.ply", landmarks, LandmarkColour::kUncertainty, true);
-    const std::string bytes = content(folder / "map.ply");
-    std::map<std::string, size_t> place;
-    size_t row = 0;
-    for (const auto& [name, size] : properties(bytes)) place[name] = std::exchange(row, row + size);
-    const size_t begin = bytes.find("end_header\n") + 11;
-    ASSERT_EQ(bytes.size(), begin + row * landmarks.size());
+    const BinaryPly ply(folder / "map.ply", landmarks.size());
+    ASSERT_FALSE(HasFailure());
     const auto read = [&](size_t i, const char* name, auto number) {
-        std::memcpy(&number, bytes.data() + begin + i * row + place.at(name), sizeof number);
-        return number;
+        return ply.read(i, name, number);
     };
     for (size_t i = 0; i < landmarks.size(); ++i) {
         EXPECT_EQ(Eigen::Vector3d(read(i, "x", 0.), read(i, "y", 0.), read(i, "z", 0.)),
@@ -185,17 +205,11 @@ TEST(Ply, WideIdsStayWhole) {
     }
     // In binary, as the head says.
     write_ply(folder / "binary.ply", landmarks, LandmarkColour::kUncertainty, true);
-    const std::string bytes = content(folder / "binary.ply");
-    std::map<std::string, size_t> place;
-    size_t row = 0;
-    for (const auto& [name, size] : properties(bytes)) place[name] = std::exchange(row, row + size);
-    const size_t begin = bytes.find("end_header\n") + 11;
-    ASSERT_EQ(bytes.size(), begin + row * landmarks.size());
+    const BinaryPly binary(folder / "binary.ply", landmarks.size());
+    ASSERT_FALSE(HasFailure());
     for (size_t i = 0; i < landmarks.size(); ++i) {
-        std::uint32_t low = 0;
-        std::int32_t high = 0;
-        std::memcpy(&low, bytes.data() + begin + i * row + place.at("id"), 4);
-        std::memcpy(&high, bytes.data() + begin + i * row + place.at("id_high"), 4);
+        const auto low = binary.read(i, "id", std::uint32_t{0});
+        const auto high = binary.read(i, "id_high", std::int32_t{0});
         EXPECT_EQ(high * 4294967296.0 + low, static_cast<double>(landmarks[i].id));
     }
     // Where all fit, the file is as ever.
