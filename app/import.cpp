@@ -12,6 +12,7 @@
 #include "libvio/io/asl_import.h"
 #include "libvio/io/csv_import.h"
 #include "libvio/io/kitti_import.h"
+#include "libvio/ros2/ros2_import.h"
 
 namespace vio::app {
 namespace {
@@ -32,6 +33,7 @@ void run(const std::string& output, const Import& import) {
     if (report.gps_fixes > 0) std::cout << report.gps_fixes << " GPS fixes, ";
     std::cout << to_seconds(report.last - report.first) << " s\n";
     std::cout << std::flush;
+    for (const std::string& remark : report.remarks) std::cout << remark << '\n';
     print_left_out(report.left_out);
     if (!report.truth_file.empty())
         std::cout << report.truth_file << ": " << report.truth_poses << " true poses (T_W_B)\n";
@@ -174,6 +176,41 @@ void add_csv(CLI::App& import_command) {
     });
 }
 
+struct Ros2Arguments {
+    std::string bag, output;
+    Ros2ImportOptions options;
+};
+
+void add_ros2(CLI::App& import_command) {
+    CLI::App* command = import_command.add_subcommand(
+        "ros2", "ROS 2 bag: image and IMU topics, CameraInfo, /tf_static, GPS, true poses");
+    auto arguments = std::make_shared<Ros2Arguments>();
+    Ros2ImportOptions& options = arguments->options;
+    command->add_option("BAG", arguments->bag, "Folder with metadata.yaml, or a .db3 or .mcap file")
+        ->required();
+    add_output(*command, arguments->output);
+    command->add_option("--image-topic", options.image_topic,
+                        "Image or CompressedImage; default: the only one");
+    CLI::Option* imu =
+        command->add_option("--imu-topic", options.imu_topic, "Imu; default: the only one");
+    command
+        ->add_option("--accel-topic", options.accel_topic,
+                     "Imu of an accelerometer with a topic of its own, interpolated at the times "
+                     "of --imu-topic, which is then the gyro's")
+        ->needs(imu);
+    command->add_option("--gps-topic", options.gps_topic, "NavSatFix; default: the only one");
+    command->add_option("--truth-topic", options.truth_topic,
+                        "True poses: PoseStamped, PoseWithCovarianceStamped, TransformStamped or "
+                        "Odometry");
+    add_calibration_option(*command, options.calibration_files);
+    command->add_flag("--external-images", options.external_images, kExternalImages);
+    command->callback([arguments] {
+        run(arguments->output, [&](const auto& progress) {
+            return import_ros2(arguments->bag, arguments->output, arguments->options, progress);
+        });
+    });
+}
+
 }  // namespace
 
 void add_import(CLI::App& program) {
@@ -184,6 +221,7 @@ void add_import(CLI::App& program) {
     add_asl(*command, "tum-vi",
             "TUM-VI folder (EuRoC/DSO export): fisheye camera, IMU, motion capture", import_tum_vi);
     add_kitti(*command);
+    add_ros2(*command);
     add_csv(*command);
 }
 

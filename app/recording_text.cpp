@@ -1,5 +1,6 @@
 #include "app/recording_text.h"
 
+#include <cmath>
 #include <cstdio>
 
 #include "app/calibration_option.h"
@@ -17,9 +18,10 @@ void print(const StreamInfo& stream) {
                 stream.class_name.c_str(), s.count);
     if (s.median_interval > 0) {
         std::printf("  %8.2f Hz  %9.3f s", s.rate(), s.duration());
-        std::printf("  largest gap %.4f s at %.6f s", to_seconds(s.largest_gap),
-                    to_seconds(s.largest_gap_at));
     }
+    if (s.gaps > 0)
+        std::printf("  %d gaps, the longest %.4f s after %.3f s", s.gaps, to_seconds(s.largest_gap),
+                    to_seconds(s.largest_gap_at - s.first));
     if (s.repeated > 0) std::printf("  %d stamps are repeated", s.repeated);
     if (s.backward > 0) std::printf("  %d stamps do not increase", s.backward);
     std::printf("\n");
@@ -28,8 +30,11 @@ void print(const StreamInfo& stream) {
 // A transformation that maps coordinates of the second frame to the first.
 void print(const char* name, const Pose& T) {
     const Eigen::Quaterniond q(T.R);
+    // What would be rounded to "-0.000000" is zero.
+    const auto shown = [](double value) { return std::abs(value) < 5e-7 ? 0. : value; };
     std::printf("%-8s position %.6f %.6f %.6f m, quaternion x y z w %.6f %.6f %.6f %.6f\n", name,
-                T.p.x(), T.p.y(), T.p.z(), q.x(), q.y(), q.z(), q.w());
+                shown(T.p.x()), shown(T.p.y()), shown(T.p.z()), shown(q.x()), shown(q.y()),
+                shown(q.z()), shown(q.w()));
 }
 
 void print_camera(const Rig& rig) {

@@ -4,15 +4,13 @@
 #include <set>
 
 #include "libvio/base/errors.h"
+#include "libvio/io/accelerometer_stream.h"
 #include "libvio/io/calibration_file.h"
 
 namespace vio {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Distance of two accelerometer readings between which nothing is known of what happened.
-constexpr TimeNs kLargestGap = 100'000'000;
 
 constexpr const char* kReadings = "IMU readings";
 
@@ -114,7 +112,7 @@ class CsvImuSource final : public MeasurementSource {
           accel_unit_(options.accel_unit) {
         if (options.accel.file.empty()) return;
         accel_ = std::make_unique<TableRows>(options.accel, left_out_);
-        more_ = step();
+        accel_stream_.emplace([this] { return next_accel(); });
     }
 
     bool advance() override {
@@ -143,50 +141,29 @@ class CsvImuSource final : public MeasurementSource {
             return false;
         }
         if (!accel_) return true;
-        const auto accel = accel_at(reading_.t);
+        const auto accel = accel_stream_->at(reading_.t);
         if (accel)
             reading_.accel = *accel;
         else
-            left_out_.add("gyro readings with no accelerometer beside", gyro_.place());
+            left_out_.add(kGyroAlone, gyro_.place());
         return accel.has_value();
     }
 
-    struct Accel {
-        TimeNs t = 0;
-        Eigen::Vector3d value = Eigen::Vector3d::Zero();
-    };
-
-    bool step() {
+    std::optional<AccelerometerStream::Reading> next_accel() {
         while (accel_->next()) {
             try {
-                const Accel read{accel_->time(), accel_unit_ * accel_->vector(1)};
-                before_ = after_;
-                after_ = read;
-                ++steps_;
-                return true;
+                return {{accel_->time(), accel_unit_ * accel_->vector(1)}};
             } catch (const UnusableMeasurement& reason) {
                 left_out_.add("accelerometer readings", reason.what());
             }
         }
-        return false;
-    }
-
-    std::optional<Eigen::Vector3d> accel_at(TimeNs t) {
-        while (more_ && after_.t < t) more_ = step();
-        if (steps_ > 0 && after_.t == t) return after_.value;
-        if (steps_ < 2 || t < before_.t || t > after_.t) return {};
-        const TimeNs gap = after_.t - before_.t;
-        if (gap > kLargestGap) return {};
-        const double share = static_cast<double>(t - before_.t) / static_cast<double>(gap);
-        return (1 - share) * before_.value + share * after_.value;
+        return {};
     }
 
     TableRows gyro_;
     double gyro_unit_, accel_unit_;
     std::unique_ptr<TableRows> accel_;
-    Accel before_, after_;
-    int steps_ = 0;
-    bool more_ = false;
+    std::optional<AccelerometerStream> accel_stream_;
     ImuReading reading_;
 };
 

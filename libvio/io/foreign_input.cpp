@@ -16,8 +16,7 @@ using namespace std::string_view_literals;
 constexpr const char* kRos1 =
     "is a ROS 1 bag, no rawlog; convert it with MRPT's rosbag2rawlog: share/TUTORIAL.md, section 2";
 constexpr const char* kRos2 =
-    "is a ROS 2 bag, which is not read here; convert it to a ROS 1 bag, or export its images and "
-    "readings for `vio-slam import asl` or `csv`: share/TUTORIAL.md, section 2";
+    "is a ROS 2 bag, no rawlog; convert it: vio-slam import ros2 BAG -o NAME.rawlog";
 constexpr const char* kArchive =
     "is an archive, no rawlog; unpack it, then `vio-slam import` what it holds";
 

@@ -19,6 +19,8 @@ struct ImportReport {
     LeftOutList left_out;        ///< readings that no measurement could be made of
     TimeNs first = 0, last = 0;  ///< stamps of the first and last measurement
     std::string truth_file;      ///< X.truth.tum, empty if there was no ground truth
+    /// What was chosen of the recording, and what of the calibration is missing; one line each.
+    std::vector<std::string> remarks;
 };
 
 /// One stream of a data set as measurements in order of time.

@@ -8,7 +8,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 seconds=${1:-600}
 shift || true
 names=("$@")
-((${#names[@]})) || names=(rawlog features asl tables trajectory ini calibration results)
+((${#names[@]})) || names=(rawlog features asl ros2 tables trajectory ini calibration results)
 build=build/fuzz
 mkdir -p "$build/findings"
 

@@ -16,6 +16,7 @@
 #include "libvio/io/recording.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
+#include "tests/unit/read_all.h"
 #include "tests/unit/scratch_folder.h"
 
 namespace vio {
@@ -23,16 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::error_of;
+using test::read_all;
 using test::ScratchFolder;
-
-template <typename Type>
-std::vector<Type> read_all(const std::string& rawlog) {
-    Recording recording(rawlog);
-    std::vector<Type> all;
-    while (const auto message = recording.next())
-        if (const auto* m = std::get_if<Type>(&*message)) all.push_back(*m);
-    return all;
-}
 
 cv::Mat noise_image(int width, int height, int type, unsigned seed) {
     cv::Mat pixels(height, width, type);
