@@ -13,6 +13,7 @@
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/sensors.h"
+#include "libvio/io/text.h"
 #include "libvio/slam/course.h"
 
 IMPLEMENTS_VIRTUAL_MRPT_OBJECT(MotionEstimator, mrpt::rtti::CObject, vio)
@@ -35,8 +36,9 @@ cv::Mat load_external(const std::string& file) {
     const std::string path = std::filesystem::path(mrpt::img::CImage::getImagesPathBase()) / file;
     const cv::Mat image = cv::imread(path, cv::IMREAD_UNCHANGED);
     if (image.empty())
-        throw InputError("image file " + path +
-                         " is missing or damaged; see mrpt::img::CImage::setImagesPathBase()");
+        throw UnusableMeasurement(
+            "image file " + path +
+            " is missing or damaged; see mrpt::img::CImage::setImagesPathBase()");
     return image;
 }
 
@@ -60,7 +62,17 @@ struct MotionEstimator::Impl {
     std::deque<Message> waiting;   // for the sensors to be known
     std::optional<Course> course;  // once they are
     Estimate shown;
+    bool begun = false;  // an observation has come
+    int unusable = 0;    // observations
+    size_t logged = 0;   // of the estimator's status
 
+    // What may still be changed; throws InputError afterwards.
+    Settings& before_the_first() {
+        if (begun)
+            throw InputError(
+                "observations have come already; set options and calibration before the first one");
+        return settings;
+    }
     std::string silent_sensor() const { return sensors.camera ? "IMU" : "camera"; }
     void wait_for_sensors(const Message& message);
     void begin();
@@ -111,63 +123,83 @@ const Estimate& MotionEstimator::Impl::newest() {
     return shown;
 }
 
-MotionEstimator::MotionEstimator(Kind kind) : impl_(std::make_unique<Impl>()) {
+MotionEstimator::MotionEstimator(Kind kind)
+    : mrpt::system::COutputLogger("MotionEstimator"), impl_(std::make_unique<Impl>()) {
+    logging_enable_console_output = false;
     impl_->settings.request.estimator = kind == Kind::kBatch ? "batch" : "iekf";
 }
 
 MotionEstimator::MotionEstimator(const MotionEstimator& other)
-    : mrpt::rtti::CObject(), impl_(std::make_unique<Impl>()) {
+    : mrpt::rtti::CObject(), mrpt::system::COutputLogger(other), impl_(std::make_unique<Impl>()) {
     impl_->settings = other.impl_->settings;
 }
 
 MotionEstimator::~MotionEstimator() = default;
 
 void MotionEstimator::load_options(const std::string& ini_file) {
-    impl_->settings.options().load(ini_file);
+    impl_->before_the_first().options().load(ini_file);
 }
 
 void MotionEstimator::set_option(const std::string& assignment) {
-    impl_->settings.options().set(assignment);
+    impl_->before_the_first().options().set(assignment);
 }
 
 void MotionEstimator::set_calibration(const std::string& file) {
     if (!std::filesystem::is_regular_file(file))
         throw InputError(file + ": no such file; name an existing calibration file");
-    impl_->settings.recording.calibration_files.push_back(file);
+    impl_->before_the_first().recording.calibration_files.push_back(file);
 }
 
 void MotionEstimator::set_labels(const std::string& camera, const std::string& imu) {
-    impl_->settings.recording.camera_label = camera;
-    impl_->settings.recording.imu_label = imu;
+    RecordingOptions& recording = impl_->before_the_first().recording;
+    recording.camera_label = camera;
+    recording.imu_label = imu;
 }
 
 void MotionEstimator::ignore_imu() {
-    impl_->settings.request.use_imu = false;
+    impl_->before_the_first().request.use_imu = false;
 }
 
 void MotionEstimator::keep_path() {
-    impl_->settings.keep_path = true;
+    impl_->before_the_first().keep_path = true;
 }
 
 void MotionEstimator::process(const mrpt::obs::CObservation& observation) {
     Impl& e = *impl_;
-    e.sensors.see(observation, e.settings.recording);
-    const auto message = to_message(observation, e.sensors, load_external);
-    if (!message) return;
-    if (e.course)
-        e.take(*message);
-    else
-        e.wait_for_sensors(*message);
+    e.begun = true;
+    try {
+        e.sensors.see(observation, e.settings.recording);
+        const auto message = to_message(observation, e.sensors, load_external);
+        if (!message) return;
+        if (e.course)
+            e.take(*message);
+        else
+            e.wait_for_sensors(*message);
+    } catch (const UnusableMeasurement& reason) {
+        ++e.unusable;
+        MRPT_LOG_WARN_STREAM("left out: " << reason.what());
+    }
+    log_news();
 }
 
 void MotionEstimator::finish() {
     Impl& e = *impl_;
     if (!e.course) throw InputError("no observation of the " + e.silent_sensor() + " has come");
     e.course->finish();
+    log_news();
     const Estimator& estimator = e.course->estimator();
     if (!estimator.newest()) throw InputError(e.course->why_no_pose());
     if (!estimator.converged())
         throw InputError("the estimate has not converged: " + estimator.report());
+}
+
+void MotionEstimator::log_news() {
+    if (!impl_->course) return;
+    const auto& status = impl_->course->estimator().status();
+    for (; impl_->logged < status.size(); ++impl_->logged) {
+        const StatusEntry& entry = status[impl_->logged];
+        MRPT_LOG_INFO_STREAM(format_seconds(entry.t) << " s: " << entry.text);
+    }
 }
 
 std::optional<MotionEstimator::StampedPose> MotionEstimator::newest_pose() const {
@@ -190,9 +222,8 @@ std::vector<StatusEntry> MotionEstimator::status() const {
 }
 
 MotionEstimator::LeftOut MotionEstimator::left_out() const {
-    if (!impl_->course) return {};
-    const CourseCounts counts = impl_->course->counts();
-    return {counts.repeated_messages, counts.late_messages, counts.dropped_images};
+    const CourseCounts counts = impl_->course ? impl_->course->counts() : CourseCounts();
+    return {counts.repeated_messages, counts.late_messages, counts.dropped_images, impl_->unusable};
 }
 
 const Rig& MotionEstimator::rig() const {

@@ -11,6 +11,7 @@
 #include <mrpt/obs/CObservation.h>
 #include <mrpt/poses/CPose3DPDFGaussian.h>
 #include <mrpt/rtti/CObject.h>
+#include <mrpt/system/COutputLogger.h>
 
 #include <memory>
 #include <optional>
@@ -26,14 +27,20 @@ namespace vio {
 /// Estimates motion from CObservationImage (or CObservationFeatures) and CObservationIMU. Their
 /// calibration is taken from the first of each, as from a rawlog (share/formats.md). A copy
 /// (CObject asks for one) has the same options and calibration, and has seen nothing.
-class MotionEstimator : public mrpt::rtti::CObject {
+/// What it tells of its course goes to its log too, as it happens: starts and losses of track as
+/// LVL_INFO, observations that are left out as LVL_WARN. The log's output to the console is off
+/// until `logging_enable_console_output` is set; callbacks get it in any case
+/// (logRegisterCallback).
+/// Not for use from several threads at once, its const functions included.
+class MotionEstimator : public mrpt::rtti::CObject, public mrpt::system::COutputLogger {
     DEFINE_VIRTUAL_MRPT_OBJECT(MotionEstimator)
 
  public:
     ~MotionEstimator() override;
 
     // ---- Before the first observation --------------------------------------------------------
-    // Each throws InputError (file or assignment, and what is wrong with it).
+    // Each throws InputError (file or assignment, and what is wrong with it), also where
+    // observations have come already.
 
     /// Options from an INI file: the sections that `vio-slam run --print-options` prints.
     void load_options(const std::string& ini_file);
@@ -53,11 +60,11 @@ class MotionEstimator : public mrpt::rtti::CObject {
 
     // ---- Observations ------------------------------------------------------------------------
 
-    /// In any order within iekf.message_window (0.1 s); what comes later than that or twice is left
-    /// out and counted. Observations of other sensors and kinds are passed over. What comes before
-    /// both the camera and the IMU are known waits for them. Throws InputError for what no sensor
-    /// can have measured (left out; go on with the next), for images without calibration, and if
-    /// one sensor stays silent for 10 s.
+    /// In any order within iekf.message_window (0.1 s); what comes later than that, twice, or is
+    /// nothing that a sensor can have measured (a rate that is not finite, an image without pixels)
+    /// is left out and counted. Observations of other sensors and kinds are passed over. What comes
+    /// before both the camera and the IMU are known waits for them. Throws InputError for images
+    /// without calibration, and if the first 10 s know only one of the two: both end the estimate.
     void process(const mrpt::obs::CObservation& observation);
     /// Call once after the last one. Throws InputError, with the last status, where no pose has
     /// been estimated, and where the batch estimate has not converged.
@@ -85,6 +92,7 @@ class MotionEstimator : public mrpt::rtti::CObject {
         int repeated = 0;  ///< of the same stamp as another of their sensor
         int late = 0;      ///< by more than iekf.message_window
         int images = 0;    ///< outside the IMU's readings
+        int unusable = 0;  ///< nothing that a sensor can have measured; the log says why
     };
     LeftOut left_out() const;
     /// Calibration in use, of the batch after finish() as it was found; its camera is null before
@@ -98,6 +106,8 @@ class MotionEstimator : public mrpt::rtti::CObject {
     MotionEstimator& operator=(const MotionEstimator&) = delete;
 
  private:
+    void log_news();
+
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };

@@ -4,7 +4,9 @@
 #include <mrpt/rtti/CObject.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
+#include <functional>
 #include <set>
 
 #include "libvio/base/errors.h"
@@ -341,6 +343,56 @@ TEST(MotionEstimator, RemembersOtherCamerasByName) {
     }
     EXPECT_EQ(sensors.camera_label, "cam");
     EXPECT_EQ(sensors.other_cameras, std::set<std::string>{"right"});
+}
+
+TEST(MotionEstimator, LeavesOutWhatNoSensorCanHaveMeasuredAndLogsIt) {
+    const auto run = short_run();
+    const auto estimator = follower();
+    std::vector<std::string> warnings, news;
+    estimator->logRegisterCallback([&](std::string_view message, mrpt::system::VerbosityLevel level,
+                                       std::string_view, mrpt::Clock::time_point) {
+        (level == mrpt::system::LVL_WARN ? warnings : news).emplace_back(message);
+    });
+    int reading = 0;
+    for_each_observation(run, [&](const auto& observation) {
+        estimator->process(observation);
+        if (++reading % 100 != 0) return;
+        auto broken = observation_of(run.readings[static_cast<size_t>(reading)], run.rig);
+        broken.set(mrpt::obs::IMU_WX, std::nan(""));
+        estimator->process(broken);
+    });
+    estimator->finish();
+    EXPECT_EQ(estimator->left_out().unusable, reading / 100);
+    ASSERT_EQ(warnings.size(), static_cast<size_t>(reading / 100));
+    EXPECT_NE(warnings[0].find("left out: the IMU reading"), std::string::npos) << warnings[0];
+    ASSERT_EQ(news.size(), estimator->status().size());
+    EXPECT_NE(news[0].find("started from a prefix"), std::string::npos) << news[0];
+    EXPECT_TRUE(estimator->newest_pose());
+}
+
+TEST(MotionEstimator, TakesNoOptionsOnceObservationsHaveCome) {
+    const auto run = short_run(0.5);
+    const auto estimator = made("vio::RecursiveEstimator");
+    estimator->process(observation_of(run.frames[0], run.rig));
+    const std::vector<std::function<void()>> late = {
+        [&] { estimator->set_option("iekf.start_wanted_tilt=1"); },
+        [&] { estimator->load_options(VIO_SOURCE_DIR "/share/presets/drone.ini"); },
+        [&] { estimator->set_calibration(VIO_SOURCE_DIR "/share/imu/consumer.ini"); },
+        [&] { estimator->set_labels("cam", "imu"); },
+        [&] { estimator->ignore_imu(); },
+        [&] { estimator->keep_path(); }};
+    for (const auto& call : late)
+        EXPECT_NE(test::error_of(call).find("observations have come already"), std::string::npos);
+}
+
+TEST(MotionEstimator, EstimatesFromImagesAlone) {
+    const auto run = short_run();
+    const auto estimator = made("vio::RecursiveEstimator");
+    estimator->ignore_imu();
+    for (const FeatureFrame& frame : run.frames) estimator->process(observation_of(frame, run.rig));
+    estimator->finish();
+    EXPECT_TRUE(estimator->newest_pose());
+    EXPECT_FALSE(estimator->estimate().has_scale);
 }
 
 TEST(MotionEstimator, SaysWhichSensorStaysSilent) {
