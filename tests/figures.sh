@@ -157,8 +157,8 @@ if [[ -d $DATA/euroc_v101_imu_gt ]]; then
     echo "V1_01 with recorded readings, simulated tracks"
     "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
         --imu "$DATA/euroc_v101_imu_gt/imu0.csv" -o "$OUT/v101.rawlog"
-    row "V1_01 path, 137 s, batch" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator batch
-    row "V1_01 path, 137 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
+    row "V1_01 path, 144 s, batch" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator batch
+    row "V1_01 path, 144 s, IEKF" "$OUT/v101.rawlog" "$OUT/v101.truth.tum" yaw 0 --estimator iekf
     "$VIO_SLAM" simulate datasets/v101_tracks.ini --truth "$DATA/euroc_v101_imu_gt/groundtruth.csv" \
         --set imu.rate=400 -o "$OUT/v101_simulated.rawlog" >/dev/null
     v101=("$OUT/v101_simulated.rawlog" "$OUT/v101_simulated.truth.tum" yaw 0)
