@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "app/measures.h"
+#include "libvio/base/chi_square.h"
 #include "libvio/base/median.h"
-#include "libvio/recursive/observation.h"
 
 namespace vio::app {
 namespace {

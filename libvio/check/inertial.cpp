@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "libvio/base/angles.h"
 #include "libvio/base/median.h"
 #include "libvio/check/axes.h"
 #include "libvio/geometry/so3.h"
+#include "libvio/imu/stillness.h"
 
 namespace vio {
 
@@ -16,10 +18,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kSpan = 0.1;         // [s] of a mean
-constexpr int kRestSpans = 10;        // that make a stretch of rest
-constexpr double kRestSpread = 0.02;  // of the specific force, relative
-constexpr int kTurnSpans = 30;        // of a stretch in which gravity is followed
+constexpr double kSpan = 0.1;   // [s] of a mean
+constexpr int kTurnSpans = 30;  // of a stretch in which gravity is followed
+constexpr TimeNs kRestStretch = 1'000'000'000;
 constexpr double kTiltWanted = 0.09;  // [rad] rms
 constexpr double kMostLeft = 0.5;  // of the tilt's square, by the gyro, where gravity is to be seen
 constexpr double kGravity = 9.80665;                      // [m/s^2]
@@ -73,22 +74,32 @@ double spread_with(const std::vector<ReadingMean>& means, double unit, const Mat
     return squares > 0 ? deviations / squares : 0;
 }
 
-// Length of the mean specific force of stretches, turned back by the gyro where that helps.
-double gravity_in_motion(const std::vector<ReadingMean>& means) {
+// Length of the mean specific force of stretches, over which accelerations cancel; nothing where
+// there is none. Means are taken as recorded and turned back by the gyro, which is not to be
+// trusted yet: where it is wrong, directions scatter, and the mean gets shorter.
+std::optional<double> gravity_in_motion(const std::vector<ReadingMean>& means) {
     std::vector<double> lengths;
     for_stretches(means, kTurnSpans, kTurnSpans / 2, [&](const ReadingMean* begin, int count) {
-        Vector3d sum = Vector3d::Zero();
-        for (const Vector3d& f : turned_back(begin, count, 1, Matrix3d::Identity())) sum += f;
-        lengths.push_back(sum.norm() / count);
+        double longest = 0;
+        for (const double unit : {0.0, 1.0}) {
+            Vector3d sum = Vector3d::Zero();
+            for (const Vector3d& f : turned_back(begin, count, unit, Matrix3d::Identity()))
+                sum += f;
+            longest = std::max(longest, sum.norm() / count);
+        }
+        lengths.push_back(longest);
     });
-    if (!lengths.empty()) return median(lengths);
-    for (const ReadingMean& mean : means) lengths.push_back(mean.accel.norm());
+    if (lengths.empty()) return std::nullopt;
     return median(lengths);
 }
 
 Finding check_gravity(const Rest& rest, const std::vector<ReadingMean>& means) {
     const bool at_rest = rest.seconds > 0;
-    const double g = at_rest ? rest.gravity : gravity_in_motion(means);
+    const std::optional<double> moving = at_rest ? std::nullopt : gravity_in_motion(means);
+    if (!at_rest && !moving)
+        return {Grade::untested, "gravity", "not at rest, and too short to average motion out",
+                formatted("at least %g s", kSpan * kTurnSpans), ""};
+    const double g = at_rest ? rest.gravity : *moving;
     const double near = at_rest ? kGravityNear : 2 * kGravityNear;
     Finding f{Grade::ok, "gravity",
               at_rest ? formatted("%.3f m/s^2 in %.1f s at rest", g, rest.seconds)
@@ -244,22 +255,24 @@ std::vector<ReadingMean> reading_means(const std::vector<ImuReading>& readings, 
     return means;
 }
 
-Rest find_rest(const std::vector<ReadingMean>& means) {
+Rest find_rest(const std::vector<ImuReading>& readings, const ImuNoise& noise) {
     Rest rest;
     std::vector<double> lengths;
-    for_stretches(means, kRestSpans, kRestSpans, [&](const ReadingMean* begin, int count) {
-        Vector3d accel = Vector3d::Zero(), gyro = Vector3d::Zero();
-        for (int i = 0; i < count; ++i) {
-            accel += begin[i].accel / count;
-            gyro += begin[i].gyro / count;
+    std::vector<ImuReading> stretch;
+    for (std::size_t i = 0; i < readings.size();) {
+        Stillness still{readings[i].t, readings[i].t + kRestStretch};
+        Vector3d accel = Vector3d::Zero();
+        for (stretch.clear(); i < readings.size() && readings[i].t < still.to; ++i) {
+            stretch.push_back(readings[i]);
+            accel += readings[i].accel;
         }
-        double squares = 0;
-        for (int i = 0; i < count; ++i) squares += (begin[i].accel - accel).squaredNorm() / count;
-        if (!(squares < kRestSpread * kRestSpread * accel.squaredNorm())) return;
-        lengths.push_back(accel.norm());
-        rest.gyro += gyro;
-        rest.seconds += count * kSpan;
-    });
+        const double length = accel.norm() / static_cast<double>(stretch.size());
+        for (ImuReading& reading : stretch) reading.accel *= kGravity / length;
+        if (!why_not_still(stretch, noise, still).empty()) continue;
+        lengths.push_back(length);
+        rest.gyro += still.gyro;
+        rest.seconds += still.seconds();
+    }
     if (lengths.empty()) return rest;
     rest.gyro /= static_cast<double>(lengths.size());
     rest.gravity = median(lengths);
@@ -282,10 +295,11 @@ GravityTurn gravity_turn(const std::vector<ReadingMean>& means) {
     return turn;
 }
 
-std::vector<Finding> check_readings(const std::vector<ImuReading>& readings) {
+std::vector<Finding> check_readings(const std::vector<ImuReading>& readings,
+                                    const ImuNoise& noise) {
     if (readings.size() < 2) return {};
     const std::vector<ReadingMean> means = reading_means(readings, kSpan);
-    const Rest rest = find_rest(means);
+    const Rest rest = find_rest(readings, noise);
     return {check_gravity(rest, means), check_gyro_at_rest(rest), check_turn(means),
             check_range(readings), check_frozen(readings)};
 }

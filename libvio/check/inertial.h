@@ -5,6 +5,7 @@
 
 #include "libvio/base/types.h"
 #include "libvio/check/finding.h"
+#include "libvio/imu/noise.h"
 
 namespace vio {
 
@@ -17,15 +18,15 @@ struct ReadingMean {
 /// Spans of `span` seconds that hold readings throughout. readings: in order of time.
 std::vector<ReadingMean> reading_means(const std::vector<ImuReading>& readings, double span);
 
-/// What a second in which the specific force keeps size and direction says: rest, or motion at
-/// constant speed. Found from the accelerometer's relative spread alone, so that units do not
-/// matter.
+/// What the seconds say in which the readings are those of an IMU that is still (why_not_still):
+/// rest, or even motion. The unit of the accelerometer does not matter.
 struct Rest {
     double seconds = 0;  ///< in all; 0: none was found, and the rest is not meaningful
     double gravity = 0;  ///< median length of the mean specific force, as recorded
     Eigen::Vector3d gyro = Eigen::Vector3d::Zero();  ///< mean, as recorded
 };
-Rest find_rest(const std::vector<ReadingMean>& means);
+/// readings: in order of time.
+Rest find_rest(const std::vector<ImuReading>& readings, const ImuNoise& noise);
 
 /// Whether the direction of the specific force turns as the gyro says. Over stretches of some
 /// seconds each mean is turned back into the frame of the stretch's beginning, where gravity, most
@@ -42,6 +43,6 @@ struct GravityTurn {
 GravityTurn gravity_turn(const std::vector<ReadingMean>& means);
 
 /// Verdicts on the readings' values. readings: in order of time, no stamp twice.
-std::vector<Finding> check_readings(const std::vector<ImuReading>& readings);
+std::vector<Finding> check_readings(const std::vector<ImuReading>& readings, const ImuNoise& noise);
 
 }  // namespace vio

@@ -66,7 +66,7 @@ std::vector<Finding> RecordingCheck::findings(int most_pairs) const {
     append(all, check_imu_stamps(imu));
     all.push_back(check_overlap(imu, images, rig_.time_offset));
     const std::vector<ImuReading> readings = readings_in_order();
-    append(all, check_readings(readings));
+    append(all, check_readings(readings, rig_.imu_noise));
     if (rig_.camera)
         append(all,
                check_rotations(compare_rotations(rotations_, readings, rig_, most_pairs), rig_));

@@ -52,9 +52,11 @@ Finding offset(const RotationAgreement& a, const Rig& rig) {
     Finding f{grade(a.offset, a.offset_sigma, kGoodOffset, kPoorOffset), "time offset",
               formatted("%+.4f +- %.4f s from the calibration's", a.offset, a.offset_sigma),
               formatted("at most %g s", kGoodOffset), ""};
+    // To a tenth of a millisecond; 0.0 is added so that zero has no sign.
+    const double better = std::round(1e4 * (rig.time_offset + a.offset)) / 1e4 + 0.0;
     if (f.grade >= Grade::warning)
-        f.advice = formatted("set time_offset = %.4f in the calibration (it is %.4f)",
-                             rig.time_offset + a.offset, rig.time_offset);
+        f.advice = formatted("set time_offset_s = %g under [imu] in the calibration (it is %g)",
+                             better, rig.time_offset);
     return f;
 }
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "libvio/base/chi_square.h"
 #include "libvio/recursive/iekf_impl.h"
-#include "libvio/recursive/observation.h"
 
 namespace vio {
 

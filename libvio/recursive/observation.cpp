@@ -1,7 +1,5 @@
 #include "libvio/recursive/observation.h"
 
-#include <cmath>
-
 #include "libvio/geometry/so3.h"
 
 namespace vio {
@@ -30,17 +28,6 @@ std::optional<SightResidual> sight_residual(const Camera& camera, const Pose& T_
     result.J_position = -result.J_point;
     result.J_camera << J_C * so3::skew(p_C), -J_I;
     return result;
-}
-
-double chi_square_quantile(int degrees, double probability) {
-    // Normal quantile by bisection of its distribution function.
-    double low = -10, high = 10;
-    for (int i = 0; i < 60; ++i) {
-        const double middle = (low + high) / 2;
-        (0.5 * std::erfc(-middle / std::sqrt(2.0)) < probability ? low : high) = middle;
-    }
-    const double spread = 2.0 / (9.0 * degrees);
-    return degrees * std::pow(1 - spread + low * std::sqrt(spread), 3);
 }
 
 }  // namespace vio

@@ -32,8 +32,4 @@ std::optional<SightResidual> sight_residual(const Camera& camera, const Pose& T_
                                             const Pose& T_W_I, const Eigen::Vector3d& p_W,
                                             const Sight& sight);
 
-/// Value that a chi-square variable stays below with the given probability (Wilson and Hilferty
-/// 1931; within 1 % for two and more degrees of freedom).
-double chi_square_quantile(int degrees, double probability);
-
 }  // namespace vio

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "libvio/base/angles.h"
-#include "libvio/recursive/observation.h"
+#include "libvio/base/chi_square.h"
 
 namespace vio {
 namespace {

@@ -6,21 +6,12 @@
 #include <string>
 
 #include "libvio/base/types.h"
-#include "libvio/imu/noise.h"
+#include "libvio/imu/stillness.h"
 
 namespace vio {
 
-/// What a stretch of rest says.
-struct Stillness {
-    TimeNs from = 0, to = 0;  ///< times of its first and last image on the IMU's clock
-    Eigen::Vector3d gyro = Eigen::Vector3d::Zero();   ///< mean reading [rad/s]
-    Eigen::Vector3d accel = Eigen::Vector3d::Zero();  ///< mean reading [m/s^2]
-    double seconds() const { return to_seconds(to - from); }
-};
-
 /// Watches the last second (or as much more as images are apart). At rest
-/// - the readings' squared deviations from their mean, and those of the means of each quarter, obey
-///   chi-square laws of the IMU's white noise: the first tells shaking, the second slow motion;
+/// - the readings are those of an IMU that is still (why_not_still);
 /// - the features' displacements from the first image to the last do so for the image noise; their
 ///   median is asked, since some may be tracked wrongly.
 /// Where an image shows nothing, rest is believed to last while the readings say so. Steady motion
@@ -35,7 +26,7 @@ class RestDetector {
 
     /// At the newest image.
     bool at_rest() const { return at_rest_; }
-    /// Of the stretch up to the newest image, if at_rest().
+    /// Of the stretch from its first image to the newest, if at_rest().
     const Stillness& stillness() const { return stillness_; }
     /// The measured value against its limit, if not at_rest().
     const std::string& why_not() const { return why_not_; }
@@ -49,7 +40,6 @@ class RestDetector {
     bool judged();
     bool readings_still();
     bool image_still();
-    bool moves(const char* what, double statistic, int degrees);
 
     ImuNoise noise_;
     double sigma_px_;

@@ -1,7 +1,7 @@
 #include "libvio/recursive/rest_update.h"
 
+#include "libvio/base/chi_square.h"
 #include "libvio/geometry/so3.h"
-#include "libvio/recursive/observation.h"
 
 namespace vio {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libvio/base/chi_square.h"
 #include "libvio/geometry/triangulation.h"
 
 namespace vio {

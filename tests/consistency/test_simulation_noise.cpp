@@ -2,8 +2,8 @@
 // stands.
 #include <gtest/gtest.h>
 
+#include "libvio/base/chi_square.h"
 #include "libvio/imu/preintegration.h"
-#include "libvio/recursive/observation.h"
 #include "libvio/simulation/scenario.h"
 
 namespace vio {

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "libvio/check/inertial.h"
+#include "libvio/io/text.h"
 #include "tests/cli/program.h"
 #include "tests/unit/scratch_folder.h"
 
@@ -69,6 +71,32 @@ class Recordings : public ::testing::Test {
 
     ScratchFolder folder_;
 };
+
+// The vehicle stands for five seconds, with its motors on for some of them; then it flies, evenly
+// at times.
+TEST_F(Recordings, TheFlightOfV101IsNotCalledRest) {
+    require("euroc_v101_imu_gt");
+    if (IsSkipped()) return;
+    TextRows rows(data_folder() + "/euroc_v101_imu_gt/imu0.csv");
+    std::vector<ImuReading> readings, flight;
+    while (rows.next()) {
+        const auto vector = [&](size_t first) {
+            return Eigen::Vector3d(rows.number(first), rows.number(first + 1),
+                                   rows.number(first + 2));
+        };
+        readings.push_back({rows.integer(0), vector(1), vector(4)});
+        if (to_seconds(readings.back().t - readings.front().t) > 5)
+            flight.push_back(readings.back());
+    }
+    ImuNoise stated;
+    stated.gyro_noise_density = 1.6968e-4;
+    stated.accel_noise_density = 2e-3;
+    EXPECT_EQ(find_rest(flight, stated).seconds, 0);
+    // Nor does a second that ten times as much noise could hide become a verdict.
+    for (const ImuNoise& noise : {stated, ImuNoise()})
+        for (const Finding& finding : check_readings(readings, noise))
+            EXPECT_LT(finding.grade, Grade::warning) << one_line(finding);
+}
 
 TEST_F(Recordings, Mh01Batch) {
     require("euroc_mh01_15s");

@@ -2,12 +2,16 @@
 // `run` says the same while it works. Each fault is a row of tests/README.md.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <numbers>
+#include <random>
+#include <regex>
 
 #include "libvio/base/angles.h"
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/mirror.h"
 #include "libvio/camera/perspective.h"
+#include "libvio/check/inertial.h"
 #include "tests/faults/recordings.h"
 
 namespace vio::test {
@@ -136,9 +140,27 @@ TEST_F(SensorFaults, FocalLengthWrongByTenPercent) {
     }
 }
 
+// The advice, taken word by word, mends it: also where what was stated is wrong and zero is right.
 TEST_F(SensorFaults, TimeOffset) {
-    expect(with_readings(good(), [](ImuReading& r) { r.t += from_seconds(0.05); }), "error",
-           "time offset", "set time_offset = 0.0");
+    for (const double stated : {0.0, -0.05}) {
+        Written recording = with_readings(
+            good(), [&](ImuReading& r) { r.t += from_seconds(stated == 0 ? 0.05 : 0); });
+        recording.rig.time_offset = stated;
+        expect(recording, "error", "time offset", "set time_offset_s = ");
+        const std::string file = folder_ / "recording.rawlog", mended = folder_ / "mended.ini";
+        const std::string told = vio_slam("check " + file, folder_.path().string()).out;
+        std::smatch advice;
+        ASSERT_TRUE(std::regex_search(
+            told, advice,
+            std::regex(R"(set (time_offset_s = \S+) under (\[imu\]) in the calibration)")))
+            << told;
+        EXPECT_EQ(advice.str(1).find("-0"), std::string::npos) << advice.str();
+        std::ofstream(mended) << advice.str(2) << "\n" << advice.str(1) << "\n";
+        const ProgramResult again =
+            vio_slam("check " + file + " --calibration " + mended, folder_.path().string());
+        EXPECT_EQ(again.exit_code, 0) << again.err;
+        EXPECT_NE(again.out.find("\nok        time offset"), std::string::npos) << again.out;
+    }
 }
 
 TEST_F(SensorFaults, TwoClocks) {
@@ -239,7 +261,7 @@ TEST_F(SensorFaults, FisheyeAndMirror) {
         expect(with_readings(good, [](ImuReading& r) { std::swap(r.gyro.x(), r.gyro.z()); }),
                "error", "camera-IMU rotation", "mirror image");
         expect(with_readings(good, [](ImuReading& r) { r.t += from_seconds(0.05); }), "error",
-               "time offset", "set time_offset = 0.0");
+               "time offset", "set time_offset_s = 0.0");
     }
 }
 
@@ -267,6 +289,45 @@ TEST_F(SensorFaults, MirrorsGainWrongByTenPercent) {
         expect(recording, "error", "angles of rays",
                "its intrinsics (focal length, a mirror's gain)");
     }
+}
+
+// A tenth of the gravity is easily hidden by the accelerations of half a second.
+TEST_F(SensorFaults, TooShortToTell) {
+    const std::string demo = VIO_SOURCE_DIR "/datasets/demo.rawlog";
+    const ProgramResult result = vio_slam(
+        "run " + demo + " --from 3 --to 3.2 -o " + (folder_ / "out"), folder_.path().string());
+    EXPECT_EQ(result.out.find("gravity"), std::string::npos) << result.out;
+}
+
+// A vehicle that turns to and fro about the vertical keeps its specific force; its gyro tells that
+// it is not at rest. At rest, the noise alone is in the readings, whatever the accelerometer's
+// unit.
+TEST_F(SensorFaults, OnlyRestIsCalledRest) {
+    constexpr double kRate = 200, kSeconds = 20;
+    const ImuNoise noise;
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    const auto noisy = [&](const Vector3d& value, double density) -> Vector3d {
+        return value + density * std::sqrt(kRate) *
+                           Vector3d(normal(random), normal(random), normal(random));
+    };
+    for (const double amplitude : {0.0, 0.3})
+        for (const double unit : {1.0, 1 / 9.80665}) {
+            std::vector<ImuReading> readings;
+            for (int i = 0; i < kSeconds * kRate; ++i) {
+                const double turn = amplitude * std::sin(std::numbers::pi * i / kRate);
+                readings.push_back({from_seconds(i / kRate),
+                                    noisy({0, 0, turn}, noise.gyro_noise_density),
+                                    unit * noisy({0, 0, 9.80665}, noise.accel_noise_density)});
+            }
+            const Rest rest = find_rest(readings, noise);
+            if (amplitude > 0) {
+                EXPECT_EQ(rest.seconds, 0);
+                continue;
+            }
+            EXPECT_NEAR(rest.seconds, kSeconds, 1);
+            EXPECT_NEAR(rest.gravity / unit, 9.80665, 0.01);
+        }
 }
 
 // `run` says the line of `check` before its own report.

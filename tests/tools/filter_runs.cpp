@@ -11,10 +11,10 @@
 #include <cstdio>
 
 #include "libvio/base/angles.h"
+#include "libvio/base/chi_square.h"
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/recursive/iekf.h"
-#include "libvio/recursive/observation.h"
 #include "libvio/simulation/scenario.h"
 #include "tests/feed.h"
 

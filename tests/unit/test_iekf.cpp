@@ -3,6 +3,7 @@
 
 #include <random>
 
+#include "libvio/base/chi_square.h"
 #include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/message_queue.h"
 #include "libvio/recursive/motion.h"
