@@ -24,6 +24,13 @@ Measures measured(const CellStore& store, const std::vector<Cell>& cells);
 std::vector<Cell> default_batch(const PaperSetup& setup, int factor = 1);
 Yardstick own_weights(const PaperSetup& setup, const CellStore& store, int factor = 1);
 
+/// What the recordings allow a filter that starts from a batch estimate of `prefix` images, for it
+/// knows no later image than a pose's own: the batch estimate of these images gives their poses,
+/// those of all images up to each later control point the pose there.
+std::vector<Cell> growing_batches(const PaperSetup& setup, int prefix, int factor = 1);
+Yardstick causal_batches(const PaperSetup& setup, const CellStore& store, int prefix,
+                         int factor = 1);
+
 /// Tables 1, 2, 4 and Fig. 8; Tables 5, 6, 7 and Fig. 10.
 std::vector<Exhibit> arm_batch_exhibits();
 std::vector<Exhibit> arm_filter_exhibits();

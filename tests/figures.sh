@@ -277,7 +277,7 @@ if [[ ${VIO_PAPER:-} ]]; then
     echo
     "$VIO_SLAM" reproduce all --output "$OUT/paper"
     tests/figures_batch.sh "$DATA"
-    taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 1
+    taskset -c 0 "$RUNS" causal datasets/perspective_arm.ini 6 | tail -n 2
     for kind in invariant none; do
         echo "crane, NEES by image, iekf.consistency = $kind"
         taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 iekf.prefix_images=100 \

@@ -7,111 +7,30 @@
 // ARGUMENT: section.name=value of the scenario, of [iekf], [batch] or [told] (noise densities that
 // the estimators believe in); --no-batch leaves the batch estimate out of compare. Errors are after
 // alignment by position and yaw. The paper's tables: vio-slam reproduce.
-#include <chrono>
+#include <algorithm>
 #include <cstdio>
 
 #include "libvio/base/angles.h"
 #include "libvio/base/chi_square.h"
 #include "libvio/evaluation/evaluate.h"
 #include "libvio/io/trajectory_io.h"
-#include "libvio/recursive/iekf.h"
-#include "libvio/simulation/scenario.h"
-#include "tests/feed.h"
+#include "tests/tools/filter_setup.h"
 
 namespace {
 
 using vio::Estimate;
 using vio::Matrix6d;
 using vio::Vector6d;
-
-struct Setup {
-    vio::ScenarioOptions scenario;
-    vio::IekfOptions iekf;
-    vio::BatchOptions batch;
-    // Noise densities that the estimators are told, if not the true ones.
-    double gyro_noise_density = 0, accel_noise_density = 0;
-    bool with_batch = true;
-    bool stated = false;  // calibration as the recording would state it, with its errors
-    int seeds = 1;
-};
+using vio::test::Filtered;
+using vio::test::filtered;
+using vio::test::rig;
+using vio::test::scenario;
+using vio::test::Setup;
+using vio::test::setup;
+using vio::test::setups;
 
 double root(double mean_square) {
     return std::sqrt(mean_square);
-}
-
-Setup setup(int argc, char** argv) {
-    if (argc < 3) throw vio::InputError("vio_filter_runs: COMMAND SCENARIO.ini [SEEDS] [ARGUMENT]");
-    Setup s;
-    s.scenario = vio::ScenarioOptions::from_file(argv[2]);
-    s.scenario.tracks = true;
-    s.iekf.sigma_px = s.batch.sigma_px = s.scenario.track_model.noise_px;
-    s.batch.gravity_norm = s.scenario.gravity;
-    vio::OptionSet scenario, estimators;
-    s.scenario.describe(scenario);
-    s.iekf.describe(estimators);
-    s.batch.describe(estimators);
-    estimators.section("told");
-    estimators.add("gyro_noise_density", &s.gyro_noise_density, "rad/s/sqrt(Hz)", {0, 10}, "");
-    estimators.add("accel_noise_density", &s.accel_noise_density, "m/s^2/sqrt(Hz)", {0, 10}, "");
-    for (int i = 3; i < argc; ++i) {
-        const std::string a = argv[i];
-        if (a == "--no-batch") {
-            s.with_batch = false;
-        } else if (a.ends_with(".ini")) {
-            continue;
-        } else if (a.find('=') == std::string::npos) {
-            s.seeds = std::stoi(a);
-        } else {
-            const bool own =
-                a.rfind("iekf.", 0) == 0 || a.rfind("batch.", 0) == 0 || a.rfind("told.", 0) == 0;
-            (own ? estimators : scenario).set(a);
-        }
-    }
-    return s;
-}
-
-// One for each of several scenarios.
-std::vector<Setup> setups(int argc, char** argv) {
-    std::vector<Setup> all;
-    for (int i = 2; i < argc && std::string(argv[i]).ends_with(".ini"); ++i) {
-        std::swap(argv[2], argv[i]);
-        all.push_back(setup(argc, argv));
-        Setup& s = all.back();
-        s.stated = true;
-        // What a calibration with such errors would say of itself.
-        s.iekf.imu_rotation_sigma = s.scenario.calibration.imu_rotation_deg * vio::kDegree;
-        s.iekf.imu_position_sigma = s.scenario.calibration.imu_position;
-        std::swap(argv[2], argv[i]);
-    }
-    return all;
-}
-
-vio::ScenarioOptions scenario(const Setup& s, int seed) {
-    vio::ScenarioOptions options = s.scenario;
-    options.seed += seed;
-    return options;
-}
-
-struct Filtered {
-    Estimate estimate;
-    std::vector<vio::StatusEntry> status;
-    double seconds = 0;
-};
-
-vio::Rig rig(const vio::Simulation& sim, const Setup& s) {
-    vio::Rig rig = s.stated ? sim.stated_rig() : sim.rig();
-    if (s.gyro_noise_density > 0) rig.imu_noise.gyro_noise_density = s.gyro_noise_density;
-    if (s.accel_noise_density > 0) rig.imu_noise.accel_noise_density = s.accel_noise_density;
-    return rig;
-}
-
-Filtered filtered(const vio::Simulation& sim, const Setup& s) {
-    const auto begin = std::chrono::steady_clock::now();
-    vio::Iekf filter(rig(sim, s), s.iekf, s.batch);
-    vio::test::feed(filter, sim);
-    filter.finish();
-    const std::chrono::duration<double> time = std::chrono::steady_clock::now() - begin;
-    return {filter.estimate(), filter.status(), time.count()};
 }
 
 // Of the first images; -1: of all.
@@ -172,28 +91,48 @@ void compare(const Setup& s) {
     std::printf("\n");
 }
 
+// Images that the filter's start took: those before the first that it took up itself.
+int started_from(const Estimate& estimate) {
+    if (estimate.innovations.empty()) return static_cast<int>(estimate.states.size());
+    const auto first = std::find_if(
+        estimate.states.begin(), estimate.states.end(),
+        [&](const vio::StateEstimate& s) { return s.t >= estimate.innovations.front().t; });
+    return static_cast<int>(first - estimate.states.begin());
+}
+
+// Squared error of the last pose's position, the worlds brought together where both begin [m^2].
+double last_error2(const vio::Simulation& sim, const Estimate& estimate) {
+    const vio::Similarity S =
+        align_yaw_position(estimate.states.front().T_W_B, sim.truth().front().T_W_B);
+    return ((S * estimate.states.back().T_W_B).p - sim.truth().back().T_W_B.p).squaredNorm();
+}
+
 // What a causal estimator can reach: the last pose of the batch estimate of all images up to each,
-// every eighth after the prefix, whose states are the filter's too. Beside it the filter and the
-// batch estimate of all images, which knows the future, at the same images.
+// every eighth after the filter's start and the last of all. The start's states are the filter's,
+// too. Beside it the filter and the batch estimate of all images, which knows the future, at the
+// same images; and in the end, where all three know the same, their last poses.
 void causal(const Setup& s) {
     constexpr int kStep = 8;
-    double best2 = 0, iekf2 = 0, batch2 = 0;
+    const char* names[] = {"batch", "causal", "iekf"};
+    double all2[3] = {}, last2[3] = {};
     std::printf("%4s %-6s %9s %9s %9s %9s %7s %7s %8s\n", "seed", "", "RMSE cm", "max cm",
                 "rot deg", "scale %", "poses %", "lost", "s");
     for (int seed = 0; seed < s.seeds; ++seed) {
         const vio::Simulation sim(scenario(s, seed));
         const Filtered f = filtered(sim, s);
-        Estimate best;
         const int images = static_cast<int>(sim.truth().size());
+        const int start = started_from(f.estimate);
+        Estimate best;
         double seconds = 0;
-        for (int n = s.iekf.prefix_images; n <= images; n += kStep) {
-            const vio::BatchResult result = batch(sim, s, n);
+        for (int n = start; n < images + kStep; n += kStep) {
+            const vio::BatchResult result = batch(sim, s, std::min(n, images));
             const auto& states = result.estimate.states;
-            if (n == s.iekf.prefix_images) best.states = states;
-            best.states.push_back(states.back());
+            if (n == start)
+                best.states = states;
+            else
+                best.states.push_back(states.back());
             seconds += result.report.seconds;
         }
-        best.states.erase(best.states.begin() + s.iekf.prefix_images);
         const auto at_same_images = [&](const Estimate& estimate) {
             Estimate thinned;
             for (const vio::StateEstimate& state : estimate.states)
@@ -202,14 +141,21 @@ void causal(const Setup& s) {
             return thinned;
         };
         const vio::BatchResult all = batch(sim, s);
-        print_row(seed, "batch", sim, at_same_images(all.estimate), all.report.seconds, &batch2);
-        print_row(seed, "causal", sim, best, seconds, &best2);
-        print_row(seed, "iekf", sim, at_same_images(f.estimate), f.seconds, &iekf2);
+        const Estimate judged_at[] = {at_same_images(all.estimate), best,
+                                      at_same_images(f.estimate)};
+        const double took[] = {all.report.seconds, seconds, f.seconds};
+        std::printf("%4d started from %d images\n", seed, start);
+        for (int k = 0; k < 3; ++k) {
+            print_row(seed, names[k], sim, judged_at[k], took[k], &all2[k]);
+            last2[k] += last_error2(sim, judged_at[k]);
+        }
     }
+    const auto cm = [&](double sum2) { return 100 * root(sum2 / s.seeds); };
     std::printf(
         "root mean square: batch %.2f cm, causal optimum %.2f cm, iekf %.2f cm, ratio %.2f\n",
-        100 * root(batch2 / s.seeds), 100 * root(best2 / s.seeds), 100 * root(iekf2 / s.seeds),
-        std::sqrt(iekf2 / best2));
+        cm(all2[0]), cm(all2[1]), cm(all2[2]), std::sqrt(all2[2] / all2[1]));
+    std::printf("of the last pose: batch %.2f cm, iekf %.2f cm, ratio %.2f\n", cm(last2[0]),
+                cm(last2[2]), std::sqrt(last2[2] / last2[0]));
 }
 
 // Pose NEES by image, mean over seeds, position and rotation apart. The estimate's world is tied to
