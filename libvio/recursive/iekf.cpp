@@ -10,8 +10,6 @@ namespace vio {
 
 namespace {
 
-constexpr int kShortestPrefix = 3;  // images
-
 std::unique_ptr<MotionModel> make_motion(const Rig& rig, const IekfOptions& options, bool use_imu) {
     const SmoothnessVariances variances{
         options.angular_rate_variance, options.acceleration_variance,
@@ -80,6 +78,7 @@ void Iekf::Impl::take(const ImuReading& reading) {
     }
     if (starting()) prefix.add(reading);
     last_reading = reading;
+    if (starting() && prefix.image_missing(reading.t)) start_without_more_images();
 }
 
 void Iekf::Impl::take(const TimedFrame& image) {
@@ -142,8 +141,8 @@ void Iekf::add(const FeatureFrame& frame) {
 void Iekf::finish() {
     impl_->take_messages(true);
     // A recording shorter than a prefix has at least its batch estimate.
-    if (!impl_->state && !impl_->given_start && impl_->prefix.images() >= kShortestPrefix)
-        impl_->start_at_end();
+    if (!impl_->state && !impl_->given_start && impl_->start_without_more_images())
+        impl_->take_messages(true);
     if (impl_->state) {
         impl_->state->settle();
         impl_->end_keyframe();

@@ -44,7 +44,7 @@ struct Iekf::Impl {
     void start_from_rest();
     bool start_from_prefix(const ImuReading* next);
     void start_from(Prefix::Start start);
-    void start_at_end();
+    bool start_without_more_images();
     void coast_from_attitude();
     ImuReading reading_at(TimeNs t_imu) const;
     void begin_found(const std::vector<StateEstimate>& states, const BatchTail& tail,
@@ -100,6 +100,7 @@ struct Iekf::Impl {
     IekfOptions options;
     bool use_imu;
     MessageQueue<> queue;
+    static constexpr int kShortestPrefix = 3;  // images
     Prefix prefix;
     BatchOptions priors;
     RestDetector rest;

@@ -76,11 +76,13 @@ bool Iekf::Impl::start_from_prefix(const ImuReading* next) {
     return true;
 }
 
-// No more measurements will come.
-void Iekf::Impl::start_at_end() {
-    const bool found = start_from_prefix(nullptr);
+// From those that have come, if there are enough. Later images could not be joined to them.
+bool Iekf::Impl::start_without_more_images() {
+    const bool found =
+        prefix.images() >= kShortestPrefix && start_from_prefix(queue.next_reading());
     if (found && waiting) start_from(*waiting);
-    if (found) take_messages(true);
+    if (!found) prefix.clear();
+    return found;
 }
 
 // The measurements after its last image are taken once more.

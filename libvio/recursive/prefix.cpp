@@ -122,8 +122,21 @@ std::vector<TimeNs> Prefix::image_times() const {
     return times;
 }
 
+// An image after the last reading has waited for one in vain: there will be no more.
 bool Prefix::ready(const ImuReading* next) const {
-    return static_cast<int>(covered(next)) >= next_attempt_;
+    const bool silent = use_imu_ && !next && !readings_.empty() && !frames_.empty() &&
+                        frames_.back().t + from_seconds(rig_.time_offset) > readings_.back().t;
+    return (silent ? images() : static_cast<int>(covered(next))) >= next_attempt_;
+}
+
+bool Prefix::image_missing(TimeNs t) const {
+    constexpr double kUsualIntervals = 3, kUnknownInterval = 2;  // of a single image, [s]
+    if (frames_.empty()) return false;
+    const double interval = images() > 1
+                                ? to_seconds(frames_.back().t - frames_[frames_.size() - 2].t)
+                                : kUnknownInterval;
+    const TimeNs last = frames_.back().t + from_seconds(rig_.time_offset);
+    return to_seconds(t - last) > std::max(options_.lost_after_seconds, kUsualIntervals * interval);
 }
 
 // How many of the images are earlier than the last reading, wherever the time offset may put them.

@@ -35,6 +35,8 @@ class Prefix {
 
     /// True when enough images have come since the last attempt. next: see attempt().
     bool ready(const ImuReading* next) const;
+    /// Whether an image should have come long before a reading of time t.
+    bool image_missing(TimeNs t) const;
 
     /// What the filter goes on from: the states of the prefix's images and their joint uncertainty.
     struct Start {

@@ -2,6 +2,7 @@
 // its word "lost" tell the truth throughout.
 #include <gtest/gtest.h>
 
+#include "libvio/geometry/alignment.h"
 #include "libvio/recursive/observation.h"
 #include "libvio/recursive/rest.h"
 #include "libvio/recursive/rest_update.h"
@@ -156,11 +157,13 @@ TEST(Continued, CovarianceIsThatOfSamples) {
 struct Fault {
     double from = 10, seconds = 0;
     enum { kDark, kNoImages, kNoReadings } kind = kDark;
+    bool starts_itself = false;  ///< from a prefix, else from a given state at the tenth image
 };
 
 struct FaultOutcome {
     int images = 0, lost = 0, lost_at_end = 0, states = 0;
-    double worst = 0;  // squared Mahalanobis distance of position, where not lost
+    bool at_last_message = false;  // there is an estimate
+    double worst = 0;              // squared Mahalanobis distance of position, where not lost
     std::string said;
 };
 
@@ -184,21 +187,29 @@ FaultOutcome with_fault(const Fault& fault, unsigned seed) {
             for (FeatureObservation& f : frame.features) f.feature_id += 1'000'000;
         }
     Iekf filter(run.rig, {}, {});
-    filter.start(test::sampled_start(run, 10, seed + 100));
-    test::feed(filter, run.readings, run.frames, 0, 10);
-    filter.finish();
+    const int first = fault.starts_itself ? 0 : 10;
+    if (!fault.starts_itself) filter.start(test::sampled_start(run, first, seed + 100));
+    test::feed(filter, run.readings, run.frames, 0, static_cast<std::size_t>(first));
     FaultOutcome outcome;
-    outcome.images = static_cast<int>(run.frames.size()) - 11;
+    outcome.at_last_message = !filter.estimate().states.empty();
+    filter.finish();
+    outcome.images = static_cast<int>(run.frames.size()) - first - 1;
     std::size_t i = 0;
+    std::optional<Similarity> S;  // to the world of a filter that started itself
     for (const StateEstimate& state : filter.estimate().states) {
         ++outcome.states;
         outcome.lost += state.lost;
         outcome.lost_at_end = state.lost ? outcome.lost_at_end + 1 : 0;
         while (run.truth[i].t < state.t) ++i;
-        const Vector3d e = run.truth[i].T_W_B.p - state.T_W_B.p;
+        if (!S)
+            S = fault.starts_itself ? align_yaw_position(run.truth[i].T_W_B, state.T_W_B)
+                                    : Similarity{};
+        const Vector3d e = (*S * run.truth[i].T_W_B).p - state.T_W_B.p;
         const Eigen::Matrix3d P = state.covariance.block<3, 3>(kPosition, kPosition);
         EXPECT_TRUE(state.covariance.allFinite());
-        if (!state.lost) outcome.worst = std::max(outcome.worst, e.dot(P.ldlt().solve(e)));
+        const bool world_begins = P.diagonal().minCoeff() < 1e-10;
+        if (!state.lost && !world_begins)
+            outcome.worst = std::max(outcome.worst, e.dot(P.ldlt().solve(e)));
     }
     for (const StatusEntry& entry : filter.status())
         outcome.said += std::to_string(to_seconds(entry.t - run.frames.front().t)).substr(0, 5) +
@@ -225,6 +236,27 @@ TEST(Recovery, StaysHonestAndComesBackAfterImagesOrReadingsWereMissing) {
             EXPECT_GT(outcome.lost, 20 * (fault.seconds - 1));
         }
     }
+}
+
+// Neither camera nor IMU comes back: what had come until then is made use of at once, and nothing
+// that comes after is kept for a start.
+TEST(Recovery, StartsFromWhatThereIsWhenImagesOrReadingsEnd) {
+    for (const auto kind : {Fault::kNoImages, Fault::kNoReadings}) {
+        const FaultOutcome outcome = with_fault({2, 1e3, kind, /*starts_itself=*/true}, 2);
+        SCOPED_TRACE("kind " + std::to_string(kind) + "\n" + outcome.said);
+        EXPECT_TRUE(outcome.at_last_message);
+        EXPECT_GE(outcome.states, outcome.images);
+        EXPECT_LT(outcome.worst, 16 + 3);
+    }
+}
+
+// No start is made of images before and after an interruption.
+TEST(Recovery, AStartDoesNotSpanMissingImages) {
+    const FaultOutcome outcome = with_fault({0.5, 5, Fault::kNoImages, /*starts_itself=*/true}, 2);
+    SCOPED_TRACE(outcome.said);
+    EXPECT_LT(outcome.worst, 16 + 3);
+    EXPECT_EQ(outcome.lost_at_end, 0);
+    EXPECT_EQ(outcome.states, outcome.images + 1 - 10);  // without the ten before them
 }
 
 TEST(RestUpdate, MakesTheVelocityKnownButNotPositionAndYaw) {
