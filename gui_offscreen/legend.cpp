@@ -21,7 +21,7 @@ cv::Scalar bgr(const TColor& c) {
 }
 
 struct Row {
-    enum Mark { kLine, kGradient, kDots, kDisc, kArrow, kGrid } mark;
+    enum Mark { kLine, kGradient, kDots, kDisc, kArrow, kGrid, kFrustum } mark;
     std::string label;
     TColor color;
 };
@@ -43,6 +43,8 @@ std::vector<Row> rows_of(const mrpt::opengl::COpenGLScene& scene) {
                             name, color});
         else if (name.starts_with("position, "))
             rest.push_back({Row::kDisc, name, color});
+        else if (name == "cameras")
+            rest.push_back({Row::kFrustum, name, color});
         else if (name == "gravity")
             rest.push_back({Row::kArrow, name, color});
         else if (name.starts_with("grid "))
@@ -68,7 +70,7 @@ void draw_mark(cv::Mat& picture, const Row& row, const cv::Rect& place, double s
             for (int x = 0; x < place.width; ++x)
                 cv::line(picture, {left.x + x, left.y - thickness},
                          {left.x + x, left.y + thickness},
-                         bgr(uncertainty_color(double(x) / place.width, dark)));
+                         bgr(to_color(uncertainty_colour(double(x) / place.width, dark))));
             break;
         case Row::kDots:
             for (const auto& [share, dot] : {std::pair{0.2, cv::Scalar(150, 150, 150)},
@@ -90,6 +92,14 @@ void draw_mark(cv::Mat& picture, const Row& row, const cv::Rect& place, double s
             cv::arrowedLine(picture, left, right, bgr(row.color), std::max(1, cvRound(2 * size)),
                             cv::LINE_AA, 0, 0.35);
             break;
+        case Row::kFrustum: {
+            const int half = place.height * 2 / 5, thin = std::max(1, cvRound(1.2 * size));
+            const cv::Point apex(centre.x - half, centre.y),
+                above(centre.x + half, centre.y - half), below(centre.x + half, centre.y + half);
+            for (const auto& [from, to] : {std::pair{apex, above}, {above, below}, {below, apex}})
+                cv::line(picture, from, to, bgr(row.color), thin, cv::LINE_AA);
+            break;
+        }
         case Row::kGrid: {
             const int half = place.height * 2 / 5;
             cv::rectangle(picture, {centre.x - half, centre.y - half},

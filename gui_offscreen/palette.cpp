@@ -1,9 +1,5 @@
 #include "gui_offscreen/palette.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-
 namespace vio {
 
 using mrpt::img::TColor;
@@ -34,26 +30,8 @@ const Palette& palette(bool dark) {
     return dark ? dark_one : light;
 }
 
-TColor uncertainty_color(double share, bool dark) {
-    // On white the bright end of viridis would vanish, on dark its dark end: each is cut off.
-    struct Rgb {
-        double r, g, b;
-    };
-    static constexpr std::array<Rgb, 6> kStops = {{{68, 1, 84},
-                                                   {65, 68, 135},
-                                                   {42, 120, 142},
-                                                   {34, 168, 132},
-                                                   {122, 209, 81},
-                                                   {253, 231, 37}}};
-    const double x = std::clamp(share, 0.0, 1.0);
-    const double place = dark ? 1.4 + 3.6 * x : 4.2 * x;
-    const int i = std::min(static_cast<int>(place), 4);
-    const double u = place - i;
-    const Rgb &a = kStops[static_cast<size_t>(i)], &b = kStops[static_cast<size_t>(i) + 1];
-    const auto mix = [u](double p, double q) {
-        return static_cast<uint8_t>(std::lround(p + u * (q - p)));
-    };
-    return {mix(a.r, b.r), mix(a.g, b.g), mix(a.b, b.b)};
+TColor to_color(const Rgb& rgb) {
+    return {rgb[0], rgb[1], rgb[2]};
 }
 
 }  // namespace vio

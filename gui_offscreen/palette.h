@@ -5,6 +5,8 @@
 
 #include <array>
 
+#include "libvio/io/landmark_colour.h"
+
 namespace vio {
 
 /// What each part of a picture is drawn in, on light or dark ground.
@@ -15,8 +17,6 @@ struct Palette {
 
 const Palette& palette(bool dark);
 
-/// Colour of a standard deviation: certain 0 to uncertain 1 (viridis and its like: even steps of
-/// brightness, fit for the colour-blind).
-mrpt::img::TColor uncertainty_color(double share, bool dark);
+mrpt::img::TColor to_color(const Rgb& rgb);
 
 }  // namespace vio

@@ -125,78 +125,55 @@ void add_frusta(COpenGLScene& scene, const std::vector<StateEstimate>& states,
     scene.insert(newest);
 }
 
-/// Root mean square standard deviation over the three axes [m]; 0: not known.
-double sigma(const LandmarkEstimate& landmark) {
-    const double variance = landmark.covariance.trace() / 3;
-    return std::isfinite(variance) && variance > 0 ? std::sqrt(variance) : 0;
+std::string landmarks_name(const UncertaintyScale& scale) {
+    if (scale.empty()) return "landmarks";
+    char name[64];
+    std::snprintf(name, sizeof(name), "landmarks, sigma %.2g to %.2g m", scale.low(), scale.high());
+    return name;
 }
-
-/// Colours by uncertainty: the scale spans all but the extreme twentieths of the landmarks.
-class UncertaintyScale {
- public:
-    explicit UncertaintyScale(const std::vector<LandmarkEstimate>& landmarks) {
-        std::vector<double> sigmas;
-        for (const LandmarkEstimate& landmark : landmarks)
-            if (landmark.p_W.allFinite() && sigma(landmark) > 0) sigmas.push_back(sigma(landmark));
-        if (sigmas.empty()) return;
-        std::sort(sigmas.begin(), sigmas.end());
-        low_ = sigmas[sigmas.size() / 20];
-        high_ = std::max(sigmas[sigmas.size() - 1 - sigmas.size() / 20], 1.0001 * low_);
-    }
-
-    std::string legend() const {
-        if (high_ == 0) return "landmarks";
-        char name[64];
-        std::snprintf(name, sizeof(name), "landmarks, sigma %.2g to %.2g m", low_, high_);
-        return name;
-    }
-
-    TColor color(const LandmarkEstimate& landmark, const SceneOptions& options) const {
-        const double s = sigma(landmark);
-        if (!(s > 0)) return palette(options.dark).frustum;
-        return uncertainty_color(std::log(s / low_) / std::log(high_ / low_), options.dark);
-    }
-
- private:
-    double low_ = 0, high_ = 0;  // [m]
-};
 
 void add_landmarks(COpenGLScene& scene, const Estimate& estimate, const SceneOptions& options) {
     const bool as_seen = options.landmark_colour == LandmarkColour::kImage;
-    const UncertaintyScale scale(estimate.landmarks);
+    std::vector<double> sigmas;
+    for (const LandmarkEstimate& landmark : estimate.landmarks)
+        sigmas.push_back(position_sigma(landmark));
+    const UncertaintyScale scale(sigmas);
     auto cloud = mrpt::opengl::CPointCloudColoured::Create();
     cloud->setPointSize(estimate.landmarks.size() > 2000 ? 3.f : 4.f);
-    cloud->setName(as_seen ? "landmarks, colours of the images" : scale.legend());
+    cloud->setName(as_seen ? "landmarks, colours of the images" : landmarks_name(scale));
     cloud->reserve(estimate.landmarks.size());
     for (const LandmarkEstimate& landmark : estimate.landmarks) {
         if (!landmark.p_W.allFinite()) continue;
-        TColor color = scale.color(landmark, options);
-        if (as_seen) {
-            color = palette(options.dark).frustum;
-            if (landmark.rgb) color = {(*landmark.rgb)[0], (*landmark.rgb)[1], (*landmark.rgb)[2]};
-        }
+        TColor color = palette(options.dark).frustum;  // where nothing is known
+        if (as_seen && landmark.rgb)
+            color = to_color(*landmark.rgb);
+        else if (const double sigma = position_sigma(landmark); !as_seen && sigma > 0)
+            color = to_color(uncertainty_colour(scale.share(sigma), options.dark));
         const Eigen::Vector3f p = landmark.p_W.cast<float>();
         cloud->push_back(p.x(), p.y(), p.z(), color.R / 255.f, color.G / 255.f, color.B / 255.f);
     }
     if (!cloud->empty()) scene.insert(cloud);
 }
 
+/// None where all of them would hide in the path's tube.
 void add_ellipsoids(COpenGLScene& scene, const std::vector<StateEstimate>& states,
-                    const SceneOptions& options, const Palette& colors) {
+                    const SceneOptions& options, const Sizes& sizes, const Palette& colors) {
     char name[48];
     std::snprintf(name, sizeof(name), "position, %.3g sigma", options.ellipsoid_sigmas);
     const TColor color = with_alpha(colors.ellipsoid, 90);
     auto mesh = make_mesh(name, color);
+    double longest = 0;
     for (size_t i : evenly(states.size(), options.max_ellipsoids)) {
         const Eigen::Matrix3d C = states[i].covariance.block<3, 3>(kPosition, kPosition);
         const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(C);
         if (!C.allFinite() || !(eigen.eigenvalues().maxCoeff() > 0)) continue;
         const Vector3d axes =
             options.ellipsoid_sigmas * eigen.eigenvalues().cwiseMax(0).cwiseSqrt();
+        longest = std::max(longest, axes.maxCoeff());
         mesh::add_ellipsoid(*mesh, states[i].T_W_B.p, eigen.eigenvectors() * axes.asDiagonal(),
                             color);
     }
-    if (mesh->getTrianglesCount() > 0) scene.insert(mesh);
+    if (longest > sizes.path_radius()) scene.insert(mesh);
 }
 
 void add_arrow(CSetOfTriangles& mesh, const Vector3d& from, const Vector3d& to, double radius,
@@ -318,7 +295,7 @@ COpenGLScene::Ptr build_scene(const Estimate& estimate, const SceneOptions& opti
     }
     add_estimate_path(*scene, states, options.name, sizes, colors);
     add_frusta(*scene, states, options, sizes, colors);
-    add_ellipsoids(*scene, states, options, colors);  // last: they are transparent
+    add_ellipsoids(*scene, states, options, sizes, colors);  // last: they are transparent
     return scene;
 }
 

@@ -38,8 +38,8 @@ struct SceneOptions {
 double path_extent(const Estimate& estimate, const std::vector<NamedPath>& others);
 
 /// Scene in the estimate's world: grid, axes, path as a tube (lost stretches in red), other paths,
-/// camera frusta, landmarks coloured by uncertainty or as in the images, position ellipsoids,
-/// gravity.
+/// camera frusta, landmarks coloured by uncertainty or as in the images, position ellipsoids
+/// (unless all hide in the tube), gravity.
 ///
 /// Lines are thin meshes, since OpenGL's line width is not honoured everywhere; their thickness
 /// follows the extent of the path. Objects carry names: render_snapshot() makes the legend and the

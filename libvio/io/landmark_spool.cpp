@@ -86,9 +86,9 @@ void LandmarkSpool::write(const std::filesystem::path& folder) {
 }
 
 void LandmarkSpool::write_ply(const std::string& name) {
-    std::vector<double> distances;
-    for (const Place& place : order_) distances.push_back(read(place.record).p_W.norm());
-    const LandmarkColours colours(std::move(distances), colour_);
+    std::vector<double> sigmas;
+    for (const Place& place : order_) sigmas.push_back(position_sigma(read(place.record)));
+    const LandmarkColours colours(std::move(sigmas), colour_);
     std::ofstream out(name, std::ios::binary);
     const PlyRows rows{false, has_wide_ids()};
     out << ply_header(order_.size(), colour_, rows);

@@ -45,7 +45,6 @@ class Simulation {
     const std::vector<ImuReading>& imu() const { return imu_.readings; }
     /// The same readings without any error; empty if the readings are recorded.
     const std::vector<ImuReading>& ideal_imu() const { return ideal_imu_; }
-    const std::vector<ImuBias>& imu_biases() const { return imu_.biases; }
     /// What was done to a recorded path for recorded readings; nothing without.
     const std::optional<SmoothedPath>& smoothed_path() const { return smoothed_path_; }
     /// Empty frames unless options().tracks.
