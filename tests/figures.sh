@@ -34,7 +34,7 @@ row() {
     [[ $offset == part ]] || images=(--rawlog "$rawlog" --start-offset "$offset")
     "$VIO_SLAM" evaluate "$result" --against "$truth" --align "$align" "${images[@]}" --json \
         >"$result.json"
-    printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f\n' "$name" \
+    printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f %7s\n' "$name" \
         "$(awk -v x="$(json "$result.json" position_m rmse)" 'BEGIN { print 100 * x }')" \
         "$(awk -v x="$(json "$result.json" position_m max)" 'BEGIN { print 100 * x }')" \
         "$(json "$result.json" rotation_deg rmse)" \
@@ -42,14 +42,16 @@ row() {
         "$(awk -v x="$(json "$result.json" completion share)" 'BEGIN { print 100 * x }')" \
         "$(json "$result/summary.json" tracking_s)" \
         "$(json "$result/summary.json" estimation_s)" \
-        "$(json "$result/summary.json" real_time_ratio)"
+        "$(json "$result/summary.json" real_time_ratio)" \
+        "$(awk -v x="$(json "$result.json" pose mean)" \
+            'BEGIN { if (x == "") print "-"; else printf "%.1f", x }')"
 }
 
-readonly HEADER='%-34s %8s %8s %7s %8s %8s %8s %8s %6s\n'
+readonly HEADER='%-34s %8s %8s %7s %8s %8s %8s %8s %6s %7s\n'
 # shellcheck disable=SC2059
-printf "$HEADER" "" position maximum rotat. scale complete tracking estimate speed
+printf "$HEADER" "" position maximum rotat. scale complete tracking estimate speed NEES
 # shellcheck disable=SC2059
-printf "$HEADER" "" "RMSE cm" cm "RMSE o" "error %" "" s s "x real"
+printf "$HEADER" "" "RMSE cm" cm "RMSE o" "error %" "" s s "x real" "of 6"
 
 demo=(datasets/demo.rawlog datasets/demo.truth.tum sim3 0)
 row "demo, batch from blind start" "${demo[@]}" --estimator batch --start blind

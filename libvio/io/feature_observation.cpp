@@ -1,6 +1,5 @@
 #include "libvio/io/feature_observation.h"
 
-#include <mrpt/core/initializer.h>
 #include <mrpt/serialization/CArchive.h>
 
 #include <algorithm>
@@ -84,9 +83,12 @@ void register_mrpt_classes() {
     mrpt::rtti::registerClass(CLASS_ID(CObservationFeatures));
 }
 
-// For programs that load this file as the module vio_mrpt_plugin.
-MRPT_INITIALIZER(register_classes_of_module) {
-    register_mrpt_classes();
-}
+namespace {
+
+// For programs that load this file as the module vio_mrpt_plugin. After the class's name above has
+// been initialised, which MRPT_INITIALIZER does not wait for.
+[[maybe_unused]] const bool kRegistered = (register_mrpt_classes(), true);
+
+}  // namespace
 
 }  // namespace vio

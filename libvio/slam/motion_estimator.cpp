@@ -1,6 +1,5 @@
 #include "libvio/slam/motion_estimator.h"
 
-#include <mrpt/core/initializer.h>
 #include <mrpt/img/CImage.h>
 
 #include <deque>
@@ -20,14 +19,16 @@ IMPLEMENTS_VIRTUAL_MRPT_OBJECT(MotionEstimator, mrpt::rtti::CObject, vio)
 IMPLEMENTS_MRPT_OBJECT(RecursiveEstimator, MotionEstimator, vio)
 IMPLEMENTS_MRPT_OBJECT(BatchEstimator, MotionEstimator, vio)
 
-MRPT_INITIALIZER(register_vio_estimators) {
-    mrpt::rtti::registerClass(CLASS_ID(vio::MotionEstimator));
-    mrpt::rtti::registerClass(CLASS_ID(vio::RecursiveEstimator));
-    mrpt::rtti::registerClass(CLASS_ID(vio::BatchEstimator));
-}
-
 namespace vio {
 namespace {
+
+// After the classes' names above have been initialised, which MRPT_INITIALIZER does not wait for.
+[[maybe_unused]] const bool kRegistered = [] {
+    mrpt::rtti::registerClass(CLASS_ID(MotionEstimator));
+    mrpt::rtti::registerClass(CLASS_ID(RecursiveEstimator));
+    mrpt::rtti::registerClass(CLASS_ID(BatchEstimator));
+    return true;
+}();
 
 constexpr TimeNs kLongestSilence = 10LL * 1000000000LL;
 
