@@ -14,9 +14,10 @@ struct MinimizeLimits {
     int max_iterations = 200;
     double cost_tolerance = 1e-8;   ///< relative decrease below which it has converged
     double initial_damping = 1e-8;  ///< near the solution
-    /// It has also converged when undamped steps shrink so that all those to come will not take
-    /// more off the cost than this, or 1e-5 of it. The joint distance of the unknowns from the
-    /// minimum, in their own standard deviations, is then its square root: far below noise.
+    /// It has also converged when undamped steps shrink so that all those to come, of which the
+    /// first is foretold with the last factorisation, will not take more off the cost than that, or
+    /// than this and 1e-5 of it. The joint distance of the unknowns from the minimum, in their own
+    /// standard deviations, is then this one's square root: far below noise.
     double negligible = 1e-2;
 };
 
@@ -40,9 +41,9 @@ struct MinimizeReport {
 /// Minimises the objective from `state` on, which is left at the best state found, and at which
 /// `equations` are left linearised.
 /// Damping after Marquardt (scaled by the Hessian's diagonal), raised and lowered after Nielsen
-/// (1999). After each step points settle with the poses as they are (embedded point iterations;
-/// Jeong et al. 2012).
-/// `rig`, if given, is estimated too and left where it fits best.
+/// (1999); undamped steps that lead up are shortened first. After each step points settle with the
+/// poses as they are (embedded point iterations; Jeong et al. 2012). `rig`, if given, is estimated
+/// too and left where it fits best.
 MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                         const MinimizeLimits& limits, State& state, RigRefinement* rig = nullptr);
 

@@ -95,6 +95,13 @@ std::vector<Part> make_parts(const Model& model, const Layout& layout) {
 
 }  // namespace
 
+Step& Step::operator*=(double length) {
+    reduced *= length;
+    for (Eigen::Vector3d& d : points) d *= length;
+    rig *= length;
+    return *this;
+}
+
 NormalEquations::NormalEquations(const Model& model, const Layout& layout, int threads)
     : matrix(make_matrix(model, layout)),
       gradient(Eigen::VectorXd::Zero(matrix.size())),
@@ -124,9 +131,7 @@ Eigen::Matrix3d NormalEquations::point_damping_matrix(int j) const {
     return damping(V[j].trace() / 3) * Eigen::Matrix3d::Identity();
 }
 
-bool NormalEquations::eliminate(double lambda) {
-    lambda_ = lambda;
-    for (int k = 0; k < matrix.size(); ++k) damping_(k) = damping(matrix.diagonal(k));
+bool NormalEquations::invert_points() {
     bool good[kPieces];
     const int count = static_cast<int>(V.size());
     in_parallel(threads_, kPieces, [&](int piece) {
@@ -140,8 +145,13 @@ bool NormalEquations::eliminate(double lambda) {
             llt.matrixU().solveInPlace(V_root_[j]);
         }
     });
-    if (!std::all_of(good, good + kPieces, [](bool g) { return g; })) return false;
-    return factor_.factorize({matrix, damping_, gradient, W, V_root_, b});
+    return std::all_of(good, good + kPieces, [](bool g) { return g; });
+}
+
+bool NormalEquations::eliminate(double lambda) {
+    lambda_ = lambda;
+    for (int k = 0; k < matrix.size(); ++k) damping_(k) = damping(matrix.diagonal(k));
+    return invert_points() && factor_.factorize({matrix, damping_, gradient, W, V_root_, b});
 }
 
 bool NormalEquations::factorize(double lambda) {
@@ -154,6 +164,32 @@ bool NormalEquations::factorize(double lambda) {
 bool NormalEquations::solve(double lambda, Step& step) {
     if (!eliminate(lambda)) return false;
     factor_.solve(step.reduced);
+    return complete(step);
+}
+
+bool NormalEquations::resolve(Step& step) {
+    if (!invert_points()) return false;
+    step.reduced = factor_.solve(reduced_gradient());
+    return complete(step);
+}
+
+// a - W V^-1 b.
+Eigen::VectorXd NormalEquations::reduced_gradient() const {
+    Eigen::VectorXd sum = gradient;
+    for (size_t j = 0; j < V.size(); ++j) {
+        if (layout_.border_of_point[j] >= 0) continue;
+        const Eigen::Vector3d scaled = V_root_[j] * (V_root_[j].transpose() * b[j]);
+        const Point& point = model_.points[j];
+        for (int k = point.first_observation; k < point.first_observation + point.observation_count;
+             ++k)
+            sum.segment<6>(layout_.index(model_.observations[k].frame_idx, 0)).noalias() -=
+                W[k] * scaled;
+    }
+    return sum;
+}
+
+// From the reduced solution of the right-hand side itself.
+bool NormalEquations::complete(Step& step) const {
     step.reduced *= -1;
     if (rig && !solve_rig(step)) return false;
     solve_points(step);

@@ -20,6 +20,8 @@ struct Step {
     Eigen::VectorXd reduced;              ///< poses, velocities, biases, border points, gravity
     std::vector<Eigen::Vector3d> points;  ///< every point, border ones included
     Eigen::VectorXd rig;                  ///< unknowns of the rig, if there are any
+
+    Step& operator*=(double length);
 };
 
 /// Columns of the normal equations of further unknowns that couple with all others; see
@@ -66,7 +68,10 @@ class NormalEquations {
     /// Damped step: solves with lambda diag(H) added (Marquardt), for points as `point_damping`
     /// says. False if not positive definite.
     bool solve(double lambda, Step& step);
-    /// Cost decrease that the linear model promises for a step of the last solve().
+    /// What solve() would find, nearly: after a new linearisation, with the factorisation of the
+    /// reduced system as it was. Near a minimum a small part of a solution's time foretells it.
+    bool resolve(Step& step);
+    /// Cost decrease that the linear model promises for a step of the last of these two.
     double predicted_decrease(const Step& step) const;
 
     /// Factorisation of the reduced system, for covariances. Damped: see solve().
@@ -85,7 +90,10 @@ class NormalEquations {
     }
 
  private:
+    bool invert_points();
     bool eliminate(double lambda);
+    bool complete(Step& step) const;
+    Eigen::VectorXd reduced_gradient() const;
     Eigen::MatrixXd reduced_rig() const;
     Eigen::MatrixXd rig_information(const Eigen::MatrixXd& columns,
                                     const Eigen::MatrixXd& solved) const;
