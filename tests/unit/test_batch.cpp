@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 #include "libvio/batch/marginals.h"
@@ -208,6 +209,38 @@ TEST_P(BatchVariants, PointEliminationSolvesTheWholeSystem) {
         const double promised = -2 * g.dot(x) - x.dot(H * x);
         EXPECT_NEAR(equations.predicted_decrease(step), promised, 1e-4 * promised);
     }
+}
+
+// With the equations as they were it is the same step. After a step that promised less than a
+// squared standard deviation it promises no less than the new equations do.
+TEST_P(BatchVariants, LastFactorisationForetellsTheNextStep) {
+    Objective objective(model_, options_, {GetParam().gravity_free, "none"});
+    NormalEquations equations(model_, layout_);
+    objective.linearize(state_, equations);
+    Step step, foretold;
+    int told = 0;
+    double promised_before = std::numeric_limits<double>::infinity(), promise = 0;
+    for (int k = 0; k < 8; ++k) {
+        ASSERT_TRUE(equations.solve(1e-8, step));
+        const double promised = equations.predicted_decrease(step);
+        if (promised_before < 1) {
+            EXPECT_GT(promise, 0.8 * promised - 1e-6);
+            ++told;
+        }
+        promised_before = promised;
+        ASSERT_TRUE(equations.resolve(foretold));
+        EXPECT_LT((foretold.reduced - step.reduced).norm(), 1e-6 * step.reduced.norm());
+        for (size_t j = 0; j < model_.points.size(); ++j)
+            EXPECT_LT((foretold.points[j] - step.points[j]).norm(), 1e-6 * step.points[j].norm());
+        State next;
+        objective.apply(state_, step, layout_, next);
+        objective.settle_points(state_, next);
+        state_ = next;
+        objective.linearize(state_, equations);
+        ASSERT_TRUE(equations.resolve(foretold));
+        promise = equations.predicted_decrease(foretold);
+    }
+    EXPECT_GT(told, 0);
 }
 
 // A far point goes where a camera that sees it goes, and no step takes it behind that camera or
