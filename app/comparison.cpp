@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "app/recording_text.h"
 #include "libvio/base/errors.h"
 #include "libvio/io/recording.h"
 #include "libvio/io/results.h"
@@ -21,9 +22,11 @@ AlignmentKind alignment_kind(const std::string& name, bool has_scale) {
     return AlignmentKind::kSE3;
 }
 
-std::vector<TimeNs> image_stamps(const std::string& rawlog) {
+std::vector<TimeNs> image_stamps(const std::string& rawlog, const std::string& camera_label) {
     std::vector<TimeNs> stamps;
-    Recording recording(rawlog);
+    RecordingOptions which;
+    which.camera_label = camera_label;
+    Recording recording(rawlog, which);
     while (const auto message = recording.next()) {
         if (const auto* image = std::get_if<ImageMessage>(&*message)) stamps.push_back(image->t);
         if (const auto* frame = std::get_if<FeatureFrame>(&*message)) stamps.push_back(frame->t);
@@ -68,7 +71,8 @@ void add_options(CLI::App& command, ComparisonOptions& options, bool against_req
     command
         .add_option("--against", options.against,
                     "Truth: trajectory (TUM, EuRoC, KITTI or MRPT text), FILE.rawlog:odometry or "
-                    "FILE.rawlog:gps; several allowed")
+                    "FILE.rawlog:gps (of several sources FILE.rawlog:gps:LABEL), or another "
+                    "results folder; several allowed")
         ->required(against_required);
     command
         .add_option("--align", options.alignment,
@@ -78,6 +82,7 @@ void add_options(CLI::App& command, ComparisonOptions& options, bool against_req
     CLI::Option* rawlog =
         command.add_option("--rawlog", options.rawlog,
                            "Recording of the result: completion is counted against its images");
+    add_camera_label(command, options.camera_label)->needs(rawlog);
     command
         .add_option("--start-offset", evaluation.images.start_offset_s,
                     "Images up to this long after the first need no pose [s]")
@@ -126,8 +131,7 @@ std::vector<Reference> read_references(const ComparisonOptions& options) {
     std::vector<Reference> references;
     for (const std::string& source : options.against) {
         references.push_back(read_reference(source, how));
-        const bool from_file = source.find(".rawlog:") == std::string::npos;
-        if (from_file) references.back().T_B_T = tracked_pose(options.tracked);
+        if (references.back().is_file) references.back().T_B_T = tracked_pose(options.tracked);
     }
     return references;
 }
@@ -157,17 +161,22 @@ JudgedResult read_judged(const std::string& result) {
 
 Evaluation compare(const JudgedResult& result, const Reference& reference,
                    const ComparisonOptions& options) {
+    if (result.has_scale && !reference.has_scale)
+        throw InputError(result.name + " against " + reference.name +
+                         ": the latter has no scale; compare it with the former");
     EvaluationOptions how = options.evaluation;
     how.alignment = alignment_kind(options.alignment, result.has_scale);
     how.estimate_name = result.name;
     how.truth_name = reference.name;
     how.T_B_T = reference.T_B_T;
     how.truth_has_attitude = reference.has_attitude;
+    how.truth_is_exact = reference.is_exact;
     how.estimate_has_scale = result.has_scale;
     how.first_update = result.first_update;
     how.images.image_count = result.images.image_count;
     how.images.images_with_pose = result.images.images_with_pose;
-    if (!options.rawlog.empty()) how.images.stamps = image_stamps(options.rawlog);
+    if (!options.rawlog.empty())
+        how.images.stamps = image_stamps(options.rawlog, options.camera_label);
     Evaluation evaluation;
     if (result.T_B_C && reference.has_attitude) {
         how.T_B_T = {};

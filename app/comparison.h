@@ -15,6 +15,7 @@ struct ComparisonOptions {
     std::vector<std::string> against;  ///< references, see read_reference
     std::string alignment = "auto";    ///< auto | none | yaw | se3 | sim3
     std::string rawlog;                ///< recording of the result, for completion; empty: none
+    std::string camera_label;          ///< of the rawlog, whose images count; empty: the first
     std::vector<double> tracked;       ///< pose of what a file's truth tracks: x y z yaw pitch roll
     std::vector<int> gps_qualities;
     std::vector<double> gps_lever_arm;

@@ -68,12 +68,16 @@ void print_imu(const Rig& rig) {
 
 }  // namespace
 
-void add_recording_options(CLI::App& command, RecordingOptions& options) {
-    add_calibration_option(command, options.calibration_files);
-    command.add_option("--camera-label", options.camera_label,
-                       "Camera to use; default: the first in the rawlog");
+void add_recording_options(CLI::App& command, RecordingOptions& options, const std::string& use) {
+    add_calibration_option(command, options.calibration_files, use);
+    add_camera_label(command, options.camera_label, use);
     command.add_option("--imu-label", options.imu_label,
-                       "IMU to use; default: the first in the rawlog");
+                       use + "IMU to use; default: the first in the rawlog");
+}
+
+CLI::Option* add_camera_label(CLI::App& command, std::string& label, const std::string& use) {
+    return command.add_option("--camera-label", label,
+                              use + "Camera to use; default: the first in the rawlog");
 }
 
 std::string print_streams(const std::string& rawlog) {

@@ -12,7 +12,11 @@
 namespace vio::app {
 
 /// Declares --calibration, --camera-label and --imu-label.
-void add_recording_options(CLI::App& command, RecordingOptions& options);
+/// use: begins each help text.
+void add_recording_options(CLI::App& command, RecordingOptions& options,
+                           const std::string& use = "");
+/// The one of them that says whose images count.
+CLI::Option* add_camera_label(CLI::App& command, std::string& label, const std::string& use = "");
 
 /// Reads the file once and prints one line for each stream. Returns why reading stopped early;
 /// empty: it did not.

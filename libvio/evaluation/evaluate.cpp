@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/base/median.h"
 #include "libvio/evaluation/plausibility.h"
@@ -257,6 +258,39 @@ void measure_steps(const std::vector<PosePair>& aligned, const EvaluationOptions
         e.rpe_time.push_back(relative_error_over_time(aligned, step));
 }
 
+// Why normalised errors against this truth would mean nothing; empty if they do mean something.
+std::string why_no_nees(const std::vector<PosePair>& pairs,
+                        const std::vector<Matrix6d>& covariances,
+                        const EvaluationOptions& options) {
+    // A truth's world is levelled less well than its poses are known; beyond this it is not meant
+    // to be level.
+    constexpr double kFarOff = 2 * kDegree, kSigmas = 10;
+    if (!options.truth_is_exact) return "what is compared with errs itself";
+    const WorldTilt tilt = world_tilt(pairs, covariances);
+    if (tilt.angle < std::max(kFarOff, kSigmas * tilt.sigma)) return "";
+    char text[200];
+    std::snprintf(text, sizeof(text),
+                  "the truth's z axis is %.1f deg off the estimate's vertical, whose 1-sigma is "
+                  "%.2f deg; it needs a truth with z up",
+                  tilt.angle / kDegree, tilt.sigma / kDegree);
+    return text;
+}
+
+// Errors of the body, of which the covariances are. attitudes_differ: the body is not what the
+// truth tracks.
+void measure_nees(std::vector<PosePair> pairs, const std::vector<Matrix6d>& covariances,
+                  const EvaluationOptions& options, bool attitudes_differ, Evaluation& e) {
+    const Pose T_T_B = options.T_B_T.inverse();
+    for (PosePair& pair : pairs) {
+        pair.estimate = pair.estimate * T_T_B;
+        pair.truth = pair.truth * T_T_B;
+    }
+    e.no_nees = why_no_nees(pairs, covariances, options);
+    if (e.no_nees.empty() && attitudes_differ)
+        e.no_nees = "the attitudes are not of one body, see the note";
+    if (e.no_nees.empty()) e.nees = nees(pairs, covariances);
+}
+
 }  // namespace
 
 std::vector<TimedPose> apply(const Similarity& S_G_E, const std::vector<TimedPose>& estimate) {
@@ -299,8 +333,8 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
         }
         e.scale_error = scale_error(p_E, p_G);
     }
-    if (covariances && e.has_rotation) e.nees = nees(pairs, *covariances);
 
+    const std::vector<PosePair> associated = pairs;
     e.alignment = align(p_E, p_G, options.alignment);
     require_determined(e.alignment, options);
     for (PosePair& pair : pairs) pair.estimate = e.alignment.S_G_E * pair.estimate;
@@ -308,8 +342,9 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
     if (options.first_update) e.after_start = after_start(e, *options.first_update);
     if (e.has_rotation) {
         measure_steps(pairs, options, e);
-        if (const auto attitude = other_attitude(pairs, options.T_B_T.R))
-            e.warnings.push_back(*attitude);
+        const auto attitude = other_attitude(pairs, options.T_B_T.R);
+        if (attitude) e.warnings.push_back(*attitude);
+        if (covariances) measure_nees(associated, *covariances, options, attitude.has_value(), e);
     }
     add_warnings(options, e);
     return e;

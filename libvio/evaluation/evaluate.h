@@ -36,6 +36,7 @@ struct EvaluationOptions {
     Pose T_B_T;  ///< pose of what the truth tracks, in the estimate's body frame
     bool estimate_has_scale = true;  ///< false (image-only): the scale error (27) has no meaning
     bool truth_has_attitude = true;  ///< false: rotations and steps are not judged
+    bool truth_is_exact = true;      ///< false: it errs as the estimate does; NEES is not taken
     ExpectedImages images;
     /// The first image that the recursive estimator took up after its start: earlier poses come
     /// from the batch over its prefix. Nothing: not known, or no recursive estimate.
@@ -100,7 +101,8 @@ struct Evaluation {
     double max_gap_s = 0;        ///< of the truth, interpolated over
     std::vector<TruthGap> gaps;  ///< wider ones, within the estimate's time
     Completion completion;
-    std::optional<Nees> nees;           ///< if covariances were given
+    std::optional<Nees> nees;           ///< if covariances were given, and it has a meaning
+    std::string no_nees;                ///< why it has none, though covariances were given
     int estimated_poses = 0;            ///< in the whole estimate
     int associated_poses = 0;           ///< with truth at their time
     double estimate_path_length = 0;    ///< of the associated poses, before alignment [m]

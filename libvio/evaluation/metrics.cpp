@@ -83,6 +83,14 @@ double rotation_angle(const Eigen::Matrix3d& R) {
     return so3::log(R).norm();
 }
 
+Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const Eigen::Matrix3d& R : rotations) sum += R;
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+    return svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+}
+
 RelativeError relative_error_over_distance(const std::vector<PosePair>& aligned, double step,
                                            double tolerance) {
     std::vector<double> distance(aligned.size(), 0.0);
@@ -96,6 +104,21 @@ RelativeError relative_error_over_time(const std::vector<PosePair>& aligned, dou
     std::vector<double> time;
     for (const PosePair& pair : aligned) time.push_back(to_seconds(pair.t - aligned.front().t));
     return relative_error(aligned, time, step, tolerance);
+}
+
+WorldTilt world_tilt(const std::vector<PosePair>& pairs, const std::vector<Matrix6d>& covariances) {
+    std::vector<Eigen::Matrix3d> R_G_E;
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    for (const PosePair& pair : pairs) {
+        const Eigen::Matrix3d& R = pair.estimate.R;
+        const Matrix6d& C = covariances.at(static_cast<size_t>(pair.estimate_idx));
+        R_G_E.push_back(pair.truth.R * R.transpose());
+        covariance += R * C.topLeftCorner<3, 3>() * R.transpose();
+    }
+    const Eigen::Vector3d up = mean_rotation(R_G_E).col(2);
+    const double count = static_cast<double>(std::max<size_t>(1, pairs.size()));
+    return {std::atan2(up.head<2>().norm(), up.z()),
+            std::sqrt((covariance(0, 0) + covariance(1, 1)) / count)};
 }
 
 Nees nees(const std::vector<PosePair>& pairs, const std::vector<Matrix6d>& covariances) {

@@ -22,6 +22,9 @@ double path_length(const Eigen::Matrix3Xd& points);
 /// Angle of a rotation [rad], in [0, pi].
 double rotation_angle(const Eigen::Matrix3d& R);
 
+/// The rotation nearest to the mean of rotation matrices.
+Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations);
+
 /// Relative pose error over steps of one length (Sturm et al., IROS 2012; pairs as evo's
 /// `all_pairs`): E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j), Q truth, P estimate.
 struct RelativeError {
@@ -52,12 +55,20 @@ struct Nees {
     NeesStatistics position, rotation, pose;
 };
 
+/// By how much the vertical of the truth's world G is off that of the estimate's, E, in the mean
+/// over the poses' attitudes [rad], and the 1-sigma that the covariances state for it.
+struct WorldTilt {
+    double angle = 0, sigma = 0;
+};
+WorldTilt world_tilt(const std::vector<PosePair>& pairs, const std::vector<Matrix6d>& covariances);
+
 /// NEES of the poses whose covariance (6x6 in the tangent order of Pose, of T_E_B) is positive
 /// definite. covariances are indexed by estimate_idx.
 ///
 /// The estimate's world is tied to its first pose, and its covariance is relative to that pose.
 /// So the two worlds are brought together there, by yaw and position, not over the whole path,
-/// which would spread the error over poses that the covariance calls certain.
+/// which would spread the error over poses that the covariance calls certain. The truth is taken as
+/// exact, and its z axis as up.
 Nees nees(const std::vector<PosePair>& pairs, const std::vector<Matrix6d>& covariances);
 
 }  // namespace vio

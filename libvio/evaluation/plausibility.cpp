@@ -17,15 +17,6 @@ double extent(const Eigen::Matrix3Xd& points) {
     return std::sqrt((points.colwise() - mean).colwise().squaredNorm().mean());
 }
 
-// The rotation nearest to the mean of rotation matrices.
-Eigen::Matrix3d mean_rotation(const std::vector<Eigen::Matrix3d>& rotations) {
-    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-    for (const Eigen::Matrix3d& R : rotations) sum += R;
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-    return svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
-}
-
 }  // namespace
 
 std::optional<std::string> other_unit(const Eigen::Matrix3Xd& p_E, const Eigen::Matrix3Xd& p_G) {

@@ -114,11 +114,13 @@ std::string to_text(const Evaluation& e) {
         append(text, "  %-16s %.3f %% of the distance, %.4f deg/m\n", "drift",
                100 * e.drift->translation, e.drift->rotation / kDegree);
     if (e.nees) {
-        append(text, "\n  NEES (yaw and position aligned at the first pose)\n");
+        append(text,
+               "\n  NEES (yaw and position aligned at the first pose, the truth taken as exact)\n");
         append_nees(text, "position", e.nees->position);
         append_nees(text, "rotation", e.nees->rotation);
         append_nees(text, "pose", e.nees->pose);
     }
+    if (!e.no_nees.empty()) append(text, "\n  NEES             left out: %s\n", e.no_nees.c_str());
     for (const std::string& warning : e.warnings) append(text, "\n  note: %s", warning.c_str());
     if (!e.warnings.empty()) text += '\n';
     return text;
@@ -214,6 +216,7 @@ Json to_json(const Evaluation& e) {
         json["nees"] = {{"position", nees_json(e.nees->position)},
                         {"rotation", nees_json(e.nees->rotation)},
                         {"pose", nees_json(e.nees->pose)}};
+    if (!e.no_nees.empty()) json["nees_left_out"] = e.no_nees;
     json["warnings"] = e.warnings;
     return json;
 }

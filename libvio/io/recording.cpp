@@ -147,6 +147,7 @@ std::optional<Message> Recording::Impl::next() {
         while (!pending.empty()) {
             const CObservation::Ptr observation = pending.front();
             pending.pop_front();
+            sensors.see_aid(*observation);
             try {
                 if (auto message = to_message(*observation, sensors, load)) return message;
             } catch (const UnusableMeasurement& reason) {

@@ -6,10 +6,14 @@
 #include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/topography/conversions.h>
 
+#include <filesystem>
 #include <functional>
+#include <map>
+#include <set>
 
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/rawlog_objects.h"
+#include "libvio/io/results.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
 
@@ -31,11 +35,30 @@ void for_each(RawlogObjects& objects, const std::function<void(const CObservatio
     }
 }
 
-// Poses in order of time, as they come.
+// One of a rawlog's streams, as asked for.
+struct Stream {
+    std::string file, kind, label;  // label: empty if any
+};
+
+std::string in_quotes(const std::string& label) {
+    return "'" + label + "'";
+}
+
+// Poses of one source in order of time, as they come.
 class Collector {
  public:
-    Collector(RawlogObjects& objects, Reference& reference)
-        : objects_(objects), reference_(reference) {}
+    Collector(RawlogObjects& objects, const Stream& stream, Reference& reference)
+        : objects_(objects), stream_(stream), reference_(reference) {
+        if (!stream.label.empty()) label_ = stream.label;
+    }
+
+    /// Whether it is the source that is taken: the one asked for, or the first.
+    bool takes(const std::string& label) {
+        if (!label_) label_ = label;
+        if (label == *label_) return true;
+        others_.insert(label);
+        return false;
+    }
 
     void add(mrpt::Clock::time_point stamp, const Pose& T_G_T) {
         if (stamp == INVALID_TIMESTAMP)
@@ -52,34 +75,49 @@ class Collector {
     }
 
     void finish(const std::string& what) {
+        std::string others;
+        for (const std::string& label : others_)
+            others += (others.empty() ? "" : ", ") + in_quotes(label);
         if (reference_.poses.empty())
-            throw InputError(reference_.name + ": the rawlog holds no " + what);
+            throw InputError(reference_.name + ": the rawlog holds no " + what +
+                             (others.empty()
+                                  ? ""
+                                  : " labelled " + in_quotes(*label_) + "; there are " + others));
         if (repeated_ > 0)
             reference_.notes.push_back(std::to_string(repeated_) +
                                        " readings with a repeated stamp are left out");
+        if (!others.empty() && stream_.label.empty())
+            reference_.notes.push_back("of several sources " + in_quotes(*label_) +
+                                       " is taken; the others are " + others + ": " + stream_.file +
+                                       ":" + stream_.kind + ":LABEL");
     }
 
  private:
     RawlogObjects& objects_;
+    const Stream& stream_;
     Reference& reference_;
+    std::optional<std::string> label_;
+    std::set<std::string> others_;
     int repeated_ = 0;
 };
 
-void read_odometry(const std::string& file, Reference& reference) {
-    RawlogObjects objects(file);
-    Collector collector(objects, reference);
+void read_odometry(const Stream& stream, Reference& reference) {
+    RawlogObjects objects(stream.file);
+    Collector collector(objects, stream, reference);
     Pose T_O_B;
     const auto see = [&](const CObservation& observation) {
-        if (const auto* reading = dynamic_cast<const CObservationOdometry*>(&observation))
+        const auto* reading = dynamic_cast<const CObservationOdometry*>(&observation);
+        if (reading && collector.takes(reading->sensorLabel))
             collector.add(reading->timestamp, from_mrpt(mrpt::poses::CPose3D(reading->odometry)));
     };
     const auto see_action = [&](const CAction& action) {
         const std::optional<Pose> increment = odometry_increment(action);
-        if (!increment) return;
+        if (!increment || !collector.takes("actions")) return;
         T_O_B = T_O_B * *increment;
         collector.add(action.timestamp, T_O_B);
     };
     for_each(objects, see, see_action);
+    reference.is_exact = false;
     collector.finish("odometry (CObservationOdometry)");
 }
 
@@ -92,11 +130,12 @@ Eigen::Vector3d east_north_up(const GpsMessage& fix, const GpsMessage& origin) {
     return {p.x, p.y, p.z};
 }
 
-void read_gps(const std::string& file, const ReferenceOptions& options, Reference& reference) {
-    RawlogObjects objects(file);
-    Collector collector(objects, reference);
+void read_gps(const Stream& stream, const ReferenceOptions& options, Reference& reference) {
+    RawlogObjects objects(stream.file);
+    Collector collector(objects, stream, reference);
     std::optional<GpsMessage> origin;
-    int refused = 0;
+    std::string label = stream.label;       // of what is taken
+    std::map<std::string, int> refused_of;  // by label
     const auto usable = [&](int quality) {
         if (options.gps_qualities.empty()) return quality != 0 && quality != 6;
         return options.gps_qualities.count(quality) > 0;
@@ -106,9 +145,11 @@ void read_gps(const std::string& file, const ReferenceOptions& options, Referenc
         const auto fix = gps ? from_mrpt(*gps) : std::nullopt;
         if (!fix) return;
         if (!usable(fix->fix_quality)) {
-            ++refused;
+            ++refused_of[gps->sensorLabel];
             return;
         }
+        if (!collector.takes(gps->sensorLabel)) return;
+        label = gps->sensorLabel;
         if (!origin) {
             origin = fix;
             reference.T_B_T = from_mrpt(gps->sensorPose);
@@ -118,6 +159,9 @@ void read_gps(const std::string& file, const ReferenceOptions& options, Referenc
     for_each(objects, see, [](const CAction&) {});
     if (options.gps_lever_arm) reference.T_B_T.p = *options.gps_lever_arm;
     reference.has_attitude = false;
+    int refused = 0;
+    for (const auto& [of, count] : refused_of)
+        if (of == label || (!origin && stream.label.empty())) refused += count;
     if (refused > 0)
         reference.notes.push_back(std::to_string(refused) +
                                   " fixes are left out for their quality");
@@ -125,8 +169,19 @@ void read_gps(const std::string& file, const ReferenceOptions& options, Referenc
                                  : "GPS fix (CObservationGPS with GGA message)");
 }
 
-bool ends_with(const std::string& text, const std::string& end) {
-    return text.size() > end.size() && text.ends_with(end);
+// Of `FILE:KIND` or `FILE:KIND:LABEL`.
+std::optional<Stream> stream_of(const std::string& source) {
+    for (const std::string kind : {"odometry", "gps"}) {
+        const std::string mark = ":" + kind;
+        for (auto at = source.rfind(mark); at != std::string::npos && at > 0;
+             at = source.rfind(mark, at - 1)) {
+            const std::string rest = source.substr(at + mark.size());
+            if (rest.empty()) return Stream{source.substr(0, at), kind, ""};
+            if (rest[0] == ':' && rest.size() > 1)
+                return Stream{source.substr(0, at), kind, rest.substr(1)};
+        }
+    }
+    return std::nullopt;
 }
 
 }  // namespace
@@ -134,18 +189,23 @@ bool ends_with(const std::string& text, const std::string& end) {
 Reference read_reference(const std::string& source, const ReferenceOptions& options) {
     Reference reference;
     reference.name = source;
-    const auto file = [&](const char* stream) {
-        return source.substr(0, source.size() - std::string(stream).size());
-    };
-    if (ends_with(source, ":odometry"))
-        read_odometry(file(":odometry"), reference);
-    else if (ends_with(source, ":gps"))
-        read_gps(file(":gps"), options, reference);
-    else if (ends_with(source, ".rawlog"))
+    if (std::filesystem::is_directory(source)) {
+        const Estimate estimate = read_results(source);
+        reference.poses = trajectory(estimate);
+        reference.has_scale = estimate.has_scale;
+        reference.is_exact = false;
+    } else if (const std::optional<Stream> stream = stream_of(source)) {
+        if (stream->kind == "odometry")
+            read_odometry(*stream, reference);
+        else
+            read_gps(*stream, options, reference);
+    } else if (source.ends_with(".rawlog")) {
         throw InputError(source + ": say what of the rawlog to compare with: " + source +
                          ":odometry or " + source + ":gps");
-    else
+    } else {
         reference.poses = read_trajectory(source);
+        reference.is_file = true;
+    }
     return reference;
 }
 

@@ -1,5 +1,6 @@
 #include "libvio/io/sensors.h"
 
+#include <mrpt/obs/CObservationGPS.h>
 #include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
@@ -24,6 +25,13 @@ void Sensors::see(const CObservation& observation, const RecordingOptions& optio
     } else if (const auto* reading = dynamic_cast<const CObservationIMU*>(&observation)) {
         see_imu(*reading, options);
     }
+}
+
+void Sensors::see_aid(const CObservation& observation) {
+    if (!odometry_label && dynamic_cast<const CObservationOdometry*>(&observation))
+        odometry_label = observation.sensorLabel;
+    const auto* gps = gps_label ? nullptr : dynamic_cast<const CObservationGPS*>(&observation);
+    if (gps && from_mrpt(*gps)) gps_label = gps->sensorLabel;
 }
 
 void Sensors::see_camera(const CObservation& observation, const RecordingOptions& options,
@@ -139,11 +147,13 @@ std::optional<Message> to_message(const CObservation& observation, const Sensors
         return frame;
     }
     if (const auto* odometry = dynamic_cast<const CObservationOdometry*>(&observation)) {
+        if (odometry->sensorLabel != sensors.odometry_label) return {};
         check_stamp(odometry->timestamp);
         return OdometryMessage{from_mrpt(odometry->timestamp),
                                from_mrpt(mrpt::poses::CPose3D(odometry->odometry))};
     }
     if (const auto* gps = dynamic_cast<const CObservationGPS*>(&observation)) {
+        if (gps->sensorLabel != sensors.gps_label) return {};
         const auto fix = from_mrpt(*gps);
         if (!fix) return {};
         check_stamp(gps->timestamp);

@@ -24,11 +24,14 @@ struct Sensors {
     std::string camera_elsewhere;  ///< model of a camera that is described in a file
     std::set<std::string> other_cameras, other_imus;  ///< labels seen, for an error message
     TimeNs first_camera = 0, last_camera = 0;
+    std::optional<std::string> odometry_label, gps_label;  ///< of the first; nothing: none yet
 
     /// The first camera and the first IMU, or those with the labels of the options, are taken; what
     /// is known already stays. Throws InputError (the reason only) for a calibration that MRPT
     /// cannot mean.
     void see(const mrpt::obs::CObservation& observation, const RecordingOptions& options);
+    /// The first odometry and the first GPS with a fix are taken.
+    void see_aid(const mrpt::obs::CObservation& observation);
 
  private:
     void see_camera(const mrpt::obs::CObservation& observation, const RecordingOptions& options,
@@ -40,7 +43,8 @@ struct Sensors {
 /// InputError (the reason only), as for one image or for all.
 using ImageLoader = std::function<cv::Mat(const std::string& file)>;
 
-/// The observation as a measurement; nothing for one of another sensor or kind. Throws
+/// The observation as a measurement; nothing for one of another sensor or kind, or of odometry or
+/// GPS other than those that see_aid() has taken. Throws
 /// UnusableMeasurement (the reason only) for what no sensor can have measured and for pixels that
 /// are not there, InputError for an image that is not of its calibration.
 std::optional<Message> to_message(const mrpt::obs::CObservation& observation,

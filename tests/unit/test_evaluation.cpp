@@ -344,22 +344,30 @@ TEST(Evaluate, TruthInAnotherUnitIsRefusedOnlyIfItsShapeIsTheSame) {
     EXPECT_EQ(message(scaled(1000, 0.5)), "") << "another path";
 }
 
+// An estimate whose errors are drawn from its covariances; the first pose defines the world.
+struct Drawn {
+    explicit Drawn(int n) : path(winding_path(n)), estimate(path), covariances(path.size()) {
+        std::mt19937 engine(5);
+        std::normal_distribution<double> normal;
+        covariances[0].setZero();
+        for (size_t i = 1; i < path.size(); ++i) {
+            const Matrix6d A = 0.01 * Matrix6d::NullaryExpr([&] { return normal(engine); });
+            covariances[i] = A * A.transpose() + 1e-5 * Matrix6d::Identity();
+            const Vector6d e = covariances[i].llt().matrixL() *
+                               Vector6d::NullaryExpr([&] { return normal(engine); });
+            estimate[i].T_W_B = path[i].T_W_B.boxplus(-e);
+        }
+    }
+    std::vector<TimedPose> path, estimate;
+    std::vector<Matrix6d> covariances;
+};
+
 // Errors drawn from the covariance itself, in worlds that differ by yaw and position.
 TEST(Evaluate, NeesOfErrorsDrawnFromTheirCovarianceIsTheirNumberOfFreedoms) {
-    std::mt19937 engine(5);
-    std::normal_distribution<double> normal;
     const int n = 4001;
-    const auto path = winding_path(n);
+    const auto [path, estimate, covariances] = Drawn(n);
     const Similarity S_G_E{1, so3::exp({0, 0, 1.1}), {5, 6, 7}};
-    std::vector<TimedPose> truth = apply(S_G_E, path), estimate = path;
-    std::vector<Matrix6d> covariances(n, Matrix6d::Zero());
-    for (size_t i = 1; i < estimate.size(); ++i) {
-        const Matrix6d A = 0.01 * Matrix6d::NullaryExpr([&] { return normal(engine); });
-        covariances[i] = A * A.transpose() + 1e-5 * Matrix6d::Identity();
-        const Vector6d e =
-            covariances[i].llt().matrixL() * Vector6d::NullaryExpr([&] { return normal(engine); });
-        estimate[i].T_W_B = path[i].T_W_B.boxplus(-e);
-    }
+    std::vector<TimedPose> truth = apply(S_G_E, path);
     const Nees nees = evaluate(estimate, truth, {}, covariances).nees.value();
     EXPECT_EQ(nees.pose.count, n - 1) << "the first pose defines the world: no covariance";
     // Standard error of the mean of n chi-square values: sqrt(2 dof / n); four of them. The errors
@@ -368,6 +376,42 @@ TEST(Evaluate, NeesOfErrorsDrawnFromTheirCovarianceIsTheirNumberOfFreedoms) {
     EXPECT_NEAR(nees.position.mean, 3, 4 * std::sqrt(6.0 / n));
     EXPECT_NEAR(nees.rotation.mean, 3, 4 * std::sqrt(6.0 / n));
     EXPECT_NEAR(nees.pose.share_in_95, 0.95, 4 * std::sqrt(0.95 * 0.05 / n));
+
+    // A truth that tracks another point and frame of the body: the same errors of the body.
+    EvaluationOptions tracked;
+    tracked.T_B_T = {so3::exp({0.4, -0.2, 0.9}), {0.3, -0.1, 0.5}};
+    for (TimedPose& row : truth) row.T_W_B = row.T_W_B * tracked.T_B_T;
+    const Nees same = evaluate(estimate, truth, tracked, covariances).nees.value();
+    EXPECT_NEAR(same.pose.mean, nees.pose.mean, 1e-6);
+    EXPECT_NEAR(same.position.mean, nees.position.mean, 1e-6);
+}
+
+// A world that is not level, and a reference that errs itself, say nothing of the covariances.
+TEST(Evaluate, NeesIsLeftOutWithTheReasonWhereItMeansNothing) {
+    const Drawn drawn(101);
+    const auto judged = [&](const Eigen::Vector3d& turn, const EvaluationOptions& options) {
+        const Similarity S_G_E{1, so3::exp(turn), {5, 6, 7}};
+        return evaluate(drawn.estimate, apply(S_G_E, drawn.path), options, drawn.covariances);
+    };
+    const Evaluation upright = judged({0, 0, 1.1}, {});
+    EXPECT_TRUE(upright.nees);
+    EXPECT_EQ(upright.no_nees, "");
+    const Evaluation on_its_side = judged({1.5, 0, 0}, {});
+    EXPECT_FALSE(on_its_side.nees);
+    EXPECT_NE(on_its_side.no_nees.find("z axis is 85.9 deg off"), std::string::npos)
+        << on_its_side.no_nees;
+    EXPECT_NE(to_text(on_its_side).find("NEES             left out: "), std::string::npos);
+    EXPECT_EQ(to_json(on_its_side)["nees_left_out"], on_its_side.no_nees);
+    EvaluationOptions odometry;
+    odometry.truth_is_exact = false;
+    EXPECT_FALSE(judged({0, 0, 1.1}, odometry).nees);
+    EXPECT_NE(judged({0, 0, 1.1}, odometry).no_nees, "");
+    // What the covariances allow is not the truth's fault.
+    auto wide = drawn.covariances;
+    for (Matrix6d& C : wide) C += 0.01 * Matrix6d::Identity();
+    EXPECT_TRUE(
+        evaluate(drawn.estimate, apply({1, so3::exp({0.1, 0, 0}), {5, 6, 7}}, drawn.path), {}, wide)
+            .nees);
 }
 
 TEST(Evaluate, BadInputIsOneLineThatNamesItsPlace) {

@@ -1,9 +1,11 @@
 // Truth, odometry and GPS as references: every layout and rawlog stream gives back what went in.
 #include <gtest/gtest.h>
 #include <mrpt/obs/CObservationGPS.h>
+#include <mrpt/obs/CObservationOdometry.h>
 #include <mrpt/poses/CPose3DInterpolator.h>
 #include <mrpt/serialization/CArchive.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "libvio/base/angles.h"
@@ -12,6 +14,7 @@
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/reference.h"
+#include "libvio/io/results.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
 #include "tests/unit/scratch_folder.h"
@@ -216,6 +219,83 @@ TEST_F(ReferenceFiles, LeverArmOfTheAntennaIsAccountedFor) {
     EXPECT_FALSE(e.drift.has_value());
     options.T_B_T = Pose{};
     EXPECT_GT(evaluate(truth, reference.poses, options).position.max, 0.01);
+}
+
+// Two receivers, or two odometers, are two sources: never one truth.
+TEST_F(ReferenceFiles, OfSeveralSourcesOneIsTaken) {
+    const std::string file = folder_ / "two.rawlog";
+    {
+        GzOutput out(file);
+        auto archive = mrpt::serialization::archiveFrom(out);
+        for (int i = 0; i < 10; ++i) {
+            const TimeNs t = kStart + i * TimeNs{100'000'000};
+            for (const bool roof : {true, false}) {
+                auto fix =
+                    to_mrpt(GpsMessage{t + (roof ? 0 : 1000), 1e-5 * i, roof ? 0.0 : 10.0, 0, 1});
+                fix.sensorLabel = roof ? "roof" : "mast";
+                fix.sensorPose = mrpt::poses::CPose3D(roof ? 1 : 2, 0, 0, 0, 0, 0);
+                archive << fix;
+                mrpt::obs::CObservationOdometry odometry;
+                odometry.timestamp = to_mrpt(t + (roof ? 0 : 1000));
+                odometry.sensorLabel = roof ? "wheels" : "scans";
+                odometry.odometry = mrpt::poses::CPose2D(roof ? i : -i, 0, 0);
+                archive << odometry;
+            }
+        }
+        out.close();
+    }
+    for (const auto& [source, arm] :
+         {std::pair{":gps", 1.0}, {":gps:roof", 1.0}, {":gps:mast", 2.0}}) {
+        const Reference gps = read_reference(file + source);
+        EXPECT_EQ(gps.poses.size(), 10u) << source;
+        EXPECT_EQ(gps.T_B_T.p.x(), arm) << source;
+        EXPECT_LT(gps.poses.back().T_W_B.p.norm(), 100) << "of one receiver only";
+        EXPECT_EQ(gps.notes.size(), std::string(source) == ":gps" ? 1u : 0u);
+    }
+    const Reference first = read_reference(file + ":odometry");
+    EXPECT_EQ(first.poses.back().T_W_B.p.x(), 9);
+    EXPECT_FALSE(first.is_exact);
+    ASSERT_EQ(first.notes.size(), 1u);
+    EXPECT_NE(first.notes[0].find("'wheels' is taken; the others are 'scans'"), std::string::npos);
+    EXPECT_EQ(read_reference(file + ":odometry:scans").poses.back().T_W_B.p.x(), -9);
+    EXPECT_NE(test::error_of([&] {
+                  read_reference(file + ":gps:deck");
+              }).find("'deck'; there are 'mast', 'roof'"),
+              std::string::npos);
+    // Nor does a recording mix them.
+    Recording recording(file);
+    int fixes = 0, poses = 0;
+    while (const auto message = recording.next()) {
+        if (const auto* fix = std::get_if<GpsMessage>(&*message)) {
+            ++fixes;
+            EXPECT_EQ(fix->longitude_deg, 0);
+        }
+        if (const auto* odometry = std::get_if<OdometryMessage>(&*message)) {
+            ++poses;
+            EXPECT_GE(odometry->T_O_B.p.x(), 0);
+        }
+    }
+    EXPECT_EQ(fixes, 10);
+    EXPECT_EQ(poses, 10);
+}
+
+// One estimator against the other.
+TEST_F(ReferenceFiles, ResultsFolderIsAReference) {
+    Results results;
+    for (const TimedPose& row : path()) {
+        StateEstimate state;
+        state.t = row.t;
+        state.T_W_B = row.T_W_B;
+        results.estimate.states.push_back(state);
+    }
+    write_results(folder_ / "other", results);
+    const Reference reference = read_reference(folder_ / "other");
+    expect_equal(reference.poses, path(), 1e-12);
+    EXPECT_TRUE(reference.has_scale);
+    EXPECT_FALSE(reference.is_exact);
+    std::filesystem::create_directories(folder_ / "empty");
+    EXPECT_NE(test::error_of([&] { read_reference(folder_ / "empty"); }).find("trajectory.tum"),
+              std::string::npos);
 }
 
 }  // namespace
