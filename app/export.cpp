@@ -2,7 +2,6 @@
 #include <iostream>
 #include <memory>
 
-#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/progress.h"
 #include "app/recording_text.h"
@@ -40,7 +39,7 @@ void export_recording(const Arguments& arguments) {
 void run(const Arguments& arguments) {
     if (arguments.format == "asl") return export_recording(arguments);
     const Estimate estimate = read_results(arguments.folder);
-    if (arguments.format == "kitti") write_kitti(arguments.output, estimate);
+    if (arguments.format == "kitti") std::cout << write_kitti(arguments.output, estimate) << "\n";
     if (arguments.format == "euroc") write_euroc(arguments.output, estimate);
     if (arguments.format == "ply")
         write_ply(arguments.output, estimate.landmarks,
@@ -61,9 +60,11 @@ void add_export(CLI::App& program) {
     command->add_option("RESULT", arguments->folder, "Results folder; for asl a rawlog")
         ->required();
     command
-        ->add_option("--as", arguments->format,
-                     "kitti: poses; euroc: poses, velocities and biases as CSV; vrml: shape and "
-                     "motion (VRML 2.0); ply: landmarks; asl: a rawlog as EuRoC/ASL data set")
+        ->add_option(
+            "--as", arguments->format,
+            "kitti: poses T_W_B (W: z up, B: the vehicle; not KITTI's camera), with "
+            "times in NAME.times.txt; euroc: poses, velocities and biases as CSV; vrml: shape and "
+            "motion (VRML 2.0); ply: landmarks; asl: a rawlog as EuRoC/ASL data set")
         ->check(CLI::IsMember({"kitti", "euroc", "vrml", "ply", "asl"}))
         ->required();
     command
@@ -77,7 +78,7 @@ void add_export(CLI::App& program) {
     command
         ->add_option("-o,--output", arguments->output, "File to write; for asl the folder of mav0/")
         ->required();
-    add_calibration_option(*command, arguments->asl.recording.calibration_files, "asl: ");
+    add_recording_options(*command, arguments->asl.recording, "asl: ");
     command->add_option("--truth", arguments->asl.truth_file,
                         "asl: true trajectory; default: NAME.truth.tum beside the rawlog");
     command->callback([arguments] { run(*arguments); });

@@ -1,5 +1,7 @@
 #include "app/pipeline.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
@@ -16,6 +18,8 @@
 
 namespace vio::app {
 namespace {
+
+namespace fs = std::filesystem;
 
 void check_sensors(const Recording& recording, const RunRequest& request) {
     if (!recording.has_images() && !recording.has_features())
@@ -41,9 +45,20 @@ class Part {
         const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
         if (!origin_) origin_ = t;
         const double seconds = to_seconds(t - *origin_);
+        last_ = std::max(last_, seconds);
         beyond_ = seconds > request_.end_s + request_.options.iekf.message_window ? beyond_ + 1 : 0;
         const double margin = std::holds_alternative<ImuReading>(message) ? 0.1 : 0;
-        return seconds >= request_.begin_s - margin && seconds <= request_.end_s + margin;
+        const bool inside =
+            seconds >= request_.begin_s - margin && seconds <= request_.end_s + margin;
+        any_ = any_ || inside;
+        return inside;
+    }
+
+    /// Why nothing of what was read lies in the part; empty if something does.
+    std::string why_empty() const {
+        return any_ ? ""
+                    : formatted("--from %g lies beyond the recording's %.1f s", request_.begin_s,
+                                last_);
     }
 
     /// Whether none of the part is to come: one message beyond it may have a wrong stamp.
@@ -52,6 +67,8 @@ class Part {
  private:
     const RunRequest& request_;
     std::optional<TimeNs> origin_;
+    double last_ = 0;  // [s]
+    bool any_ = false;
     int beyond_ = 0;  // messages in a row
 };
 
@@ -177,7 +194,7 @@ class Run {
 };
 
 // Reads to the end of the part that was asked for, or to where the file is damaged.
-void read(Recording& recording, Run& run, Part part, RunReport& report) {
+void read(Recording& recording, Run& run, Part& part, RunReport& report) {
     const auto next = [&]() -> std::optional<Message> {
         try {
             return timed(report.input_output_s, [&] { return recording.next(); });
@@ -192,6 +209,34 @@ void read(Recording& recording, Run& run, Part part, RunReport& report) {
         if (part.is_over()) break;
         progress.update(recording.progress());
     }
+}
+
+// The folders that a run makes go again with it where it has left nothing in them.
+class NewFolders {
+ public:
+    explicit NewFolders(const std::string& results) {
+        const fs::path folder = fs::absolute(results).lexically_normal();
+        for (fs::path path = folder / "scenes"; !fs::exists(path) && path.has_relative_path();
+             path = path.parent_path())
+            made_.push_back(path);
+    }
+    ~NewFolders() {
+        std::error_code not_empty;
+        for (const fs::path& path : made_) fs::remove(path, not_empty);
+    }
+    NewFolders(const NewFolders&) = delete;
+    NewFolders& operator=(const NewFolders&) = delete;
+
+ private:
+    std::vector<fs::path> made_;  // the innermost first
+};
+
+// The end of a run without a pose; where the file is damaged, that is a reason too.
+InputError without_pose(const RunRequest& request, const RunReport& report,
+                        const std::string& why) {
+    return InputError(
+        (report.damage.empty() ? request.rawlog + ": " : report.damage + "; from what was read, ") +
+        why);
 }
 
 void tell_left_out(const Recording& recording, const RunRequest& request, RunReport& report) {
@@ -250,6 +295,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
 }  // namespace
 
 RunReport run_pipeline(const RunRequest& request) {
+    const NewFolders new_folders(request.output);
     check_results_folder(request.output, request.overwrite);
     NamedPath truth{request.truth_file,
                     {}};  // read first, so that a bad file is told before long work
@@ -258,13 +304,18 @@ RunReport run_pipeline(const RunRequest& request) {
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
     Run run(request, recording.rig(), recording.has_features(), report);
-    read(recording, run, Part(request), report);
+    Part part(request);
+    read(recording, run, part, report);
     tell_left_out(recording, request, report);
-    run.finish();
+    if (!part.why_empty().empty()) throw without_pose(request, report, part.why_empty());
+    try {
+        run.finish();
+    } catch (const InputError& reason) {
+        if (report.damage.empty()) throw;
+        throw without_pose(request, report, reason.what());
+    }
     RunOutput& output = run.output();
-    if (output.written().poses == 0)
-        throw InputError(!report.damage.empty() ? report.damage
-                                                : request.rawlog + ": " + run.why_no_pose());
+    if (output.written().poses == 0) throw without_pose(request, report, run.why_no_pose());
     report.has_scale = output.has_scale();
     report.images_with_pose = output.images_with_pose();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });

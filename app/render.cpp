@@ -4,10 +4,10 @@
 #include <iostream>
 #include <memory>
 
-#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/picture.h"
 #include "app/progress.h"
+#include "app/recording_text.h"
 #include "app/track_pictures.h"
 #include "gui_offscreen/film.h"
 #include "gui_offscreen/scene.h"
@@ -77,7 +77,50 @@ std::string render_results(const Arguments& arguments, const FilmOptions& film) 
     return render_scene(build_scene(estimate, drawing.options, drawing.others), arguments, film);
 }
 
-void run(const Arguments& arguments) {
+// What can be drawn, and as what.
+enum Kind : unsigned { kResult = 1, kScene = 2, kTracks = 4, kPicture = 8, kVideo = 16 };
+
+struct Applies {
+    const char* option;
+    unsigned to;  // kinds of source, and of output
+};
+constexpr unsigned kBoth = kPicture | kVideo;
+constexpr Applies kApplies[] = {
+    {"--view", kResult | kScene | kBoth},  {"--size", kResult | kScene | kBoth},
+    {"--turn", kResult | kScene | kBoth},  {"--dark", kResult | kBoth},
+    {"--colour", kResult | kBoth},         {"--truth", kResult | kBoth},
+    {"--film", kResult | kVideo},          {"--seconds", kResult | kScene | kVideo},
+    {"--rate", kResult | kScene | kVideo}, {"--images", kTracks | kPicture},
+    {"--from", kTracks | kBoth},           {"--to", kTracks | kBoth},
+    {"--calibration", kTracks | kBoth},    {"--camera-label", kTracks | kBoth},
+    {"--imu-label", kTracks | kBoth},
+};
+
+Kind kind_of(const std::string& source) {
+    if (fs::is_directory(source)) return kResult;
+    return fs::path(source).extension() == ".rawlog" ? kTracks : kScene;
+}
+
+// An option that would have no effect is a mistake about what is drawn.
+void refuse_what_does_not_apply(const CLI::App& command, const Arguments& arguments) {
+    const unsigned source = kind_of(arguments.source);
+    const unsigned output = is_video(arguments.output) ? kVideo : kPicture;
+    const auto name = [](unsigned kind) {
+        return kind == kResult    ? "a results folder"
+               : kind == kScene   ? "a .3Dscene"
+               : kind == kTracks  ? "a rawlog's feature tracks"
+               : kind == kPicture ? "a picture"
+                                  : "a video";
+    };
+    for (const Applies& applies : kApplies)
+        for (const unsigned kind : {source, output})
+            if (command.count(applies.option) > 0 && !(applies.to & kind))
+                throw InputError(arguments.source + ": " + applies.option + " does not apply to " +
+                                 name(kind) + "; leave it out");
+}
+
+void run(const CLI::App& command, const Arguments& arguments) {
+    refuse_what_does_not_apply(command, arguments);
     FilmOptions film;
     film.picture = picture_options(arguments);
     film.rate = arguments.rate;
@@ -86,19 +129,16 @@ void run(const Arguments& arguments) {
     {
         Progress progress("rendering");
         film.progress = [&](double share) { progress.update(share); };
-        if (fs::is_directory(arguments.source)) {
+        const Kind kind = kind_of(arguments.source);
+        if (kind == kResult) {
             problem = render_results(arguments, film);
-        } else if (fs::path(arguments.source).extension() == ".rawlog") {
+        } else if (kind == kTracks) {
             TrackPictureRequest request = arguments.tracks;
             request.rawlog = arguments.source;
             request.output = arguments.output;
             request.video = is_video(arguments.output);
             write_track_pictures(request, film.progress);
         } else {
-            if (arguments.dark || !arguments.truth.empty() || arguments.colour != "uncertainty")
-                throw InputError(
-                    "--dark, --truth and --colour are for results folders: a .3Dscene is drawn "
-                    "as it is");
             problem = render_scene(load_scene(arguments.source), arguments, film);
         }
     }
@@ -156,9 +196,8 @@ void add_render(CLI::App& program) {
         ->check(CLI::NonNegativeNumber);
     command->add_option("--to", arguments->tracks.end_s, "Leave out images after [s]")
         ->check(CLI::PositiveNumber);
-    add_calibration_option(*command, arguments->tracks.recording.calibration_files,
-                           "For a rawlog's feature tracks: ");
-    command->callback([arguments] { run(*arguments); });
+    add_recording_options(*command, arguments->tracks.recording, "For a rawlog's feature tracks: ");
+    command->callback([command, arguments] { run(*command, *arguments); });
 }
 
 }  // namespace vio::app

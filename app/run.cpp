@@ -6,10 +6,10 @@
 #include <memory>
 #include <vector>
 
-#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/files.h"
 #include "app/pipeline.h"
+#include "app/recording_text.h"
 #include "libvio/base/angles.h"
 #include "libvio/io/mapping_application.h"
 
@@ -191,11 +191,7 @@ void add_run(CLI::App& program) {
                      "One option as section.name=value; may be repeated")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-    add_calibration_option(*command, request.recording.calibration_files);
-    command->add_option("--camera-label", request.recording.camera_label,
-                        "Camera to use; default: the first in the rawlog");
-    command->add_option("--imu-label", request.recording.imu_label,
-                        "IMU to use; default: the first in the rawlog");
+    add_recording_options(*command, request.recording);
     command->add_option("--truth", request.truth_file,
                         "True trajectory (TUM or EuRoC), drawn into the picture");
     command

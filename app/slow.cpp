@@ -56,6 +56,7 @@ void add_slow(CLI::App& program) {
         ->capture_default_str();
     command->add_flag("--no-noise", arguments->no_noise,
                       "Do not bring the readings' noise back to the sensor's");
+    add_recording_options(*command, arguments->options.recording);
     command->callback([arguments] { run(*arguments); });
 }
 

@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 
-#include "app/calibration_option.h"
 #include "app/commands.h"
 #include "app/pipeline.h"
 #include "app/progress.h"
@@ -102,11 +101,8 @@ void run(const Arguments& arguments) {
     check(arguments, recording);
     TrackingFrontEnd front_end(options.tracker, recording.rig(),
                                recording.has_imu() && !arguments.no_gyro);
-    RawlogWriterOptions writing;
-    if (!arguments.recording.camera_label.empty())
-        writing.camera_label = arguments.recording.camera_label;
-    if (!arguments.recording.imu_label.empty()) writing.imu_label = arguments.recording.imu_label;
-    RawlogWriter writer(arguments.output, recording.rig(), writing);
+    RawlogWriter writer(arguments.output, recording.rig(),
+                        RawlogWriterOptions::labelled(arguments.recording));
     Summary summary;
     const std::string damage = track(recording, front_end, arguments.keep_images, writer, summary);
     writer.finish();
@@ -137,11 +133,7 @@ void add_track(CLI::App& program) {
                      "One option as tracker.key=value; may be repeated")
         ->expected(1)
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-    add_calibration_option(*command, arguments->recording.calibration_files);
-    command->add_option("--camera-label", arguments->recording.camera_label,
-                        "Sensor label of the camera (default: the first in the file)");
-    command->add_option("--imu-label", arguments->recording.imu_label,
-                        "Sensor label of the IMU (default: the first in the file)");
+    add_recording_options(*command, arguments->recording);
     command->callback([arguments] { run(*arguments); });
 }
 

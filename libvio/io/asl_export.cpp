@@ -121,6 +121,7 @@ class Exporter {
         ++report.images;
     }
     void put(const FeatureFrame& frame) {
+        if (frame.features.empty()) features_.add(frame.t, ",,");
         for (const FeatureObservation& f : frame.features)
             features_.add(frame.t, std::to_string(f.feature_id) + "," + joined(f.uv_px));
         ++report.feature_frames;

@@ -56,7 +56,7 @@ std::vector<ImageFile> read_image_list(const fs::path& csv) {
     return files;
 }
 
-// Consecutive rows with one stamp are one frame.
+// Consecutive rows with one stamp are one frame; a row with the stamp alone, one without features.
 class FeatureSource final : public MeasurementSource {
  public:
     explicit FeatureSource(const fs::path& csv) : row_(csv.string()), more_(row_.next()) {}
@@ -85,6 +85,7 @@ class FeatureSource final : public MeasurementSource {
     }
 
     void add_row() {
+        if (row_.text(1).empty() && row_.text(2).empty() && row_.text(3).empty()) return;
         FeatureObservation feature;
         feature.feature_id = row_.integer(1);
         try {

@@ -4,6 +4,7 @@
 
 #include "libvio/io/landmark_colour.h"
 #include "libvio/io/text.h"
+#include "libvio/io/trajectory_io.h"
 
 namespace vio {
 namespace {
@@ -49,15 +50,19 @@ std::string vrml_path(const Estimate& estimate) {
 
 }  // namespace
 
-void write_kitti(const std::string& file, const Estimate& estimate) {
-    std::string text;
+std::string write_kitti(const std::string& file, const Estimate& estimate) {
+    std::string text, times;
     for (const StateEstimate& state : estimate.states) {
+        times += format_seconds(state.t) + "\n";
         Eigen::Matrix<double, 12, 1> rows;
         for (int r = 0; r < 3; ++r)
             rows.segment<4>(4 * r) << state.T_W_B.R.row(r).transpose(), state.T_W_B.p(r);
         text += joined(rows, " ") + "\n";
     }
+    const std::string times_file = kitti_times_file(file);
     write_text(file, text);
+    write_text(times_file, times);
+    return times_file;
 }
 
 void write_euroc(const std::string& file, const Estimate& estimate) {

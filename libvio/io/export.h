@@ -7,12 +7,14 @@
 
 namespace vio {
 
-// Each writes one file, which appears complete or not at all, and throws InputError if it cannot be
+// What each writes appears complete or not at all, and throws InputError if it cannot be
 // written. Numbers of the text files read back to the bit.
 
-/// KITTI odometry: a line for each pose, the twelve numbers of [R_W_B | p_W_B] [m], row by row.
-/// The format has neither stamps nor comments.
-void write_kitti(const std::string& file, const Estimate& estimate);
+/// KITTI odometry: a line for each pose, the twelve numbers of [R_W_B | p_W_B] [m], row by row. (W
+/// has z up, and B is the vehicle; KITTI's own poses are those of a camera in its first frame.) The
+/// format has neither stamps nor comments: the stamps [s] stand, a line each, in NAME.times.txt
+/// beside NAME.txt, whose name is returned; read_trajectory() takes both.
+std::string write_kitti(const std::string& file, const Estimate& estimate);
 
 /// EuRoC ground truth: t[ns], position [m], quaternion w x y z, velocity [m/s], gyro bias [rad/s],
 /// accelerometer bias [m/s^2], separated by commas.

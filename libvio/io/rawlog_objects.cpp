@@ -70,7 +70,7 @@ InputError RawlogObjects::failure(const std::string& reason) const {
                           "); what rawlogs can be made of: vio-slam import --help");
     return InputError(input_.file() + " (after object " + std::to_string(count_) + ", byte " +
                       std::to_string(input_.position()) + " of the content): " + reason +
-                      "; what was read before is kept, record or convert the file again");
+                      "; what stands before is read, record or convert the file again");
 }
 
 }  // namespace vio

@@ -13,6 +13,14 @@ struct RawlogWriterOptions {
     std::string camera_label = "cam0";  ///< of images and features
     std::string imu_label = "imu0";
     bool external_images = false;  ///< PNG files in NAME_Images beside NAME.rawlog, else embedded
+
+    /// The labels of the sensors that were asked for, where they were.
+    static RawlogWriterOptions labelled(const RecordingOptions& asked) {
+        RawlogWriterOptions options;
+        if (!asked.camera_label.empty()) options.camera_label = asked.camera_label;
+        if (!asked.imu_label.empty()) options.imu_label = asked.imu_label;
+        return options;
+    }
 };
 
 /// Writes a rawlog that Recording reads back bit by bit (stamps to MRPT's tick of 100 ns, rounded

@@ -67,12 +67,11 @@ TimedPose parse_pose(const TextRows& row, Layout layout) {
 // Times of KITTI's poses: NAME.times.txt beside NAME.txt, or times.txt.
 void add_kitti_times(const std::string& file, std::vector<TimedPose>& poses) {
     namespace fs = std::filesystem;
-    fs::path times = fs::path(file).replace_extension(".times.txt");
+    fs::path times = kitti_times_file(file);
     if (!fs::exists(times)) times = fs::path(file).parent_path() / "times.txt";
     if (!fs::exists(times))
         throw InputError(file + ": KITTI poses carry no time; put the times beside them as " +
-                         fs::path(file).replace_extension(".times.txt").filename().string() +
-                         " or times.txt");
+                         fs::path(kitti_times_file(file)).filename().string() + " or times.txt");
     TextRows row(times.string());
     size_t i = 0;
     for (; row.next(); ++i) {
@@ -86,6 +85,10 @@ void add_kitti_times(const std::string& file, std::vector<TimedPose>& poses) {
 }
 
 }  // namespace
+
+std::string kitti_times_file(const std::string& poses_file) {
+    return std::filesystem::path(poses_file).replace_extension(".times.txt").string();
+}
 
 std::vector<TimedPose> read_trajectory(const std::string& file) {
     TextRows row(file);

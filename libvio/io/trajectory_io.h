@@ -22,6 +22,9 @@ namespace vio {
 /// do not increase.
 std::vector<TimedPose> read_trajectory(const std::string& file);
 
+/// Where the times of KITTI's poses stand: NAME.times.txt beside NAME.txt.
+std::string kitti_times_file(const std::string& poses_file);
+
 /// The poses of an estimate.
 std::vector<TimedPose> trajectory(const Estimate& estimate);
 

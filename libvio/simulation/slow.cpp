@@ -32,10 +32,10 @@ struct Extent {
     double imu_rate = 0;  // [Hz]; zero without IMU
 };
 
-Extent extent_of(const std::string& rawlog) {
+Extent extent_of(const std::string& rawlog, const RecordingOptions& options) {
     constexpr size_t kEnough = 1000;  // intervals
     Extent extent;
-    Recording recording(rawlog);
+    Recording recording(rawlog, options);
     std::vector<TimeNs> intervals;
     TimeNs last = 0;
     while (intervals.size() < kEnough) {
@@ -176,8 +176,8 @@ SlowReport slow_rawlog(const std::string& in_rawlog, const std::string& out_rawl
     std::error_code ignored;
     if (fs::equivalent(in_rawlog, out_rawlog, ignored))
         throw InputError(out_rawlog + ": is the rawlog to be slowed; name another output");
-    const Extent extent = extent_of(in_rawlog);
-    Recording recording(in_rawlog);
+    const Extent extent = extent_of(in_rawlog, options.recording);
+    Recording recording(in_rawlog, options.recording);
     Rig rig = recording.rig();
     ImuSlower slower(options, rig.imu_noise, extent.imu_rate, extent.first);
     const double f = options.factor;
@@ -188,7 +188,7 @@ SlowReport slow_rawlog(const std::string& in_rawlog, const std::string& out_rawl
 
     SlowReport report;
     report.gravity_factor = 1 / (f * f);
-    RawlogWriter writer(out_rawlog, rig);
+    RawlogWriter writer(out_rawlog, rig, RawlogWriterOptions::labelled(options.recording));
     SlowWriter slow(slower, writer, report);
     while (auto message = recording.next()) {
         slow.push(std::move(*message));

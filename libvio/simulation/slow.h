@@ -7,7 +7,7 @@
 
 #include "libvio/base/types.h"
 #include "libvio/imu/noise.h"
-#include "libvio/io/left_out.h"
+#include "libvio/io/recording.h"
 #include "libvio/simulation/random.h"
 
 namespace vio {
@@ -19,6 +19,7 @@ struct SlowOptions {
     /// Bring the readings' noise back to the sensor's (step 4). Without it, readings free of noise
     /// stay free of it.
     bool restore_noise = true;
+    RecordingOptions recording = {};  ///< which camera and IMU, and their calibration
 };
 
 /// What was made.

@@ -394,6 +394,55 @@ TEST_F(Cli, RunKeepsResultsThatAreThere) {
     EXPECT_EQ(read_text(folder_ / "out/trajectory.tum"), "0 0 0 0 0 0 0 1\n");
 }
 
+TEST_F(Cli, APartBeyondTheRecordingIsToldAndLeavesNothing) {
+    const std::string command = "run " + rawlog({}) + " --from 100 -o ";
+    expect_error(command + folder_ / "made/deeper/out",
+                 {"--from 100 lies beyond the recording's 1.0 s"});
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "made"));
+    EXPECT_EQ(run(command + folder_ / "made").out, "") << "nothing is judged";
+    std::filesystem::create_directories(folder_ / "there");
+    expect_error(command + folder_ / "there", {"--from 100"});
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "there"));
+}
+
+// The camera is chosen alike by every command that reads a recording.
+TEST_F(Cli, EveryCommandTakesTheCameraThatIsNamed) {
+    const std::string file = folder_ / "two.rawlog", stamps = folder_ / "stamps.tum";
+    write_rawlog(folder_ / "left.rawlog", {});
+    constexpr TimeNs kStart = 1'600'000'001'005'000'000;
+    {
+        RawlogWriterOptions right;
+        right.camera_label = "right";
+        RawlogWriter writer(folder_ / "right.rawlog", calibrated_rig(), right);
+        for (int i = 0; i < 3; ++i)
+            writer.write(
+                ImageMessage{kStart + i * TimeNs{100'000'000}, cv::Mat(48, 64, CV_8UC1, 9)});
+        writer.finish();
+    }
+    // Members of a gzip file may stand behind each other.
+    std::ofstream(file, std::ios::binary)
+        << read_text(folder_ / "left.rawlog") << read_text(folder_ / "right.rawlog");
+    const std::string named = " --camera-label right";
+    const ProgramResult exported =
+        run("export " + file + " --as asl" + named + " -o " + folder_ / "asl");
+    EXPECT_NE(exported.out.find(": 3 images"), std::string::npos) << exported.out << exported.err;
+    const ProgramResult slowed = run("slow " + file + named + " -o " + folder_ / "slow.rawlog");
+    EXPECT_NE(slowed.out.find(": 3 images"), std::string::npos) << slowed.out << slowed.err;
+    EXPECT_NE(run("info " + folder_ / "slow.rawlog").out.find("\nright "), std::string::npos);
+    const ProgramResult drawn =
+        run("render " + file + named + " --images 3 -o " + folder_ / "tracks.png");
+    EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+    std::ofstream poses(stamps);
+    for (int i = 0; i < 3; ++i)
+        poses << "1600000001." << i << "05 " << i << " " << i * i << " " << i * i * i
+              << " 0 0 0 1\n";
+    poses.close();
+    const ProgramResult judged = run("evaluate " + stamps + " --against " + stamps + " --rawlog " +
+                                     file + named + " --json");
+    ASSERT_EQ(judged.exit_code, 0) << judged.err;
+    EXPECT_EQ(nlohmann::json::parse(judged.out)["completion"]["images"], 3);
+}
+
 TEST_F(Cli, PrintedOptionsLoadAgain) {
     const ProgramResult first = run("run --print-options --set batch.max_iterations=17");
     ASSERT_EQ(first.exit_code, 0) << first.err;
@@ -409,6 +458,27 @@ TEST_F(Cli, RenderRefusesWhatItCannotDraw) {
     expect_error("render " + rawlog({}) + " -o " + folder_ / "x.gif", {"x.gif"});
     expect_error("render " + rawlog({true, false, true}) + " -o " + folder_ / "x.png",
                  {"input.rawlog", "no images"});
+}
+
+// Before anything is read: what would have no effect is a mistake.
+TEST_F(Cli, RenderRefusesOptionsThatDoNotApply) {
+    const std::string tracks = "render x.rawlog -o x.png ", video = "render x.rawlog -o x.mp4 ";
+    for (const char* option : {"--view top", "--size 640x480", "--turn 3", "--dark",
+                               "--colour image", "--truth nothere.tum"})
+        expect_error(tracks + option, {"x.rawlog", std::string(option).substr(0, 5),
+                                       "does not apply to a rawlog's feature tracks"});
+    for (const char* option : {"--film turntable", "--seconds 3", "--rate 5"})
+        expect_error(video + option, {"does not apply to a rawlog's feature tracks"});
+    expect_error(video + "--images 4", {"--images does not apply to a video"});
+    std::filesystem::create_directories(folder_ / "out");
+    const std::string result = "render " + folder_ / "out" + " -o x.png ";
+    for (const char* option : {"--from 3", "--to 4", "--images 4", "--calibration c.ini",
+                               "--camera-label left", "--imu-label i"})
+        expect_error(result + option, {"does not apply to a results folder"});
+    expect_error(result + "--film turntable", {"--film does not apply to a picture"});
+    for (const char* option : {"--dark", "--truth t.tum", "--colour image", "--from 3"})
+        expect_error("render x.3Dscene -o x.png " + std::string(option),
+                     {"does not apply to a .3Dscene"});
 }
 
 TEST_F(Cli, StatisticsPrintsATablePerScenario) {

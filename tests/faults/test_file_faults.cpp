@@ -88,6 +88,9 @@ TEST_F(FileFaults, RunOfACutFileKeepsItsBeginning) {
         const std::string out = folder_ / ("out" + std::to_string(percent));
         expect_one_line(program("run " + file + " -o " + out), "the file is cut off");
         EXPECT_EQ(fs::exists(out + "/summary.json"), percent == 60);
+        EXPECT_EQ(fs::exists(out), percent == 60) << "a folder for nothing";
+        if (percent == 2)
+            expect_one_line(program("run " + file + " -o " + out), "no pose could be estimated");
         if (percent == 60) {
             EXPECT_GT(read_results(out).states.size(), 100u);
         }

@@ -44,7 +44,13 @@ std::string content(const std::string& file) {
 TEST(Export, KittiHoldsTheUpperThreeRowsOfEachPose) {
     const test::ScratchFolder folder;
     const Estimate estimate = made_estimate();
-    write_kitti(folder / "poses.txt", estimate);
+    EXPECT_EQ(write_kitti(folder / "poses.txt", estimate), folder / "poses.times.txt");
+    const auto again = read_trajectory(folder / "poses.txt");
+    ASSERT_EQ(again.size(), estimate.states.size());
+    for (size_t i = 0; i < again.size(); ++i) {
+        EXPECT_EQ(again[i].t, estimate.states[i].t);
+        EXPECT_LT(again[i].T_W_B.boxminus(estimate.states[i].T_W_B).norm(), 1e-14);
+    }
     std::ifstream file(folder / "poses.txt");
     std::string line;
     for (const StateEstimate& state : estimate.states) {
