@@ -56,9 +56,11 @@ class Part {
 
     /// Why nothing of what was read lies in the part; empty if something does.
     std::string why_empty() const {
-        return any_ ? ""
-                    : formatted("--from %g lies beyond the recording's %.1f s", request_.begin_s,
-                                last_);
+        if (any_) return "";
+        if (last_ >= request_.begin_s)
+            return formatted("no measurement lies between --from %g and --to %g", request_.begin_s,
+                             request_.end_s);
+        return formatted("--from %g lies beyond the recording's %.1f s", request_.begin_s, last_);
     }
 
     /// Whether none of the part is to come: one message beyond it may have a wrong stamp.
