@@ -21,11 +21,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void check_sensors(const Recording& recording, const RunRequest& request) {
+// What a run without a pose has to say; where the file is damaged, that is a reason too.
+InputError without_pose(const RunRequest& request, const std::string& damage,
+                        const std::string& why) {
+    return InputError((damage.empty() ? request.rawlog + ": " : damage + "; from what was read, ") +
+                      why);
+}
+
+// Reads what is left.
+std::string damage_ahead(Recording& recording) {
+    try {
+        while (recording.next()) {
+        }
+    } catch (const InputError& damage) {
+        return damage.what();
+    }
+    return "";
+}
+
+void check_sensors(Recording& recording, const RunRequest& request) {
     if (!recording.has_images() && !recording.has_features())
-        throw InputError(request.rawlog +
-                         ": no images and no features; name the camera with --camera-label or give "
-                         "a rawlog that holds CObservationImage");
+        throw without_pose(request, damage_ahead(recording),
+                           "no images and no features; name the camera with --camera-label or give "
+                           "a rawlog that holds CObservationImage");
     if (!recording.rig().camera)
         throw InputError(request.rawlog +
                          ": the camera is not calibrated; give --calibration FILE");
@@ -233,14 +251,6 @@ class NewFolders {
     std::vector<fs::path> made_;  // the innermost first
 };
 
-// The end of a run without a pose; where the file is damaged, that is a reason too.
-InputError without_pose(const RunRequest& request, const RunReport& report,
-                        const std::string& why) {
-    return InputError(
-        (report.damage.empty() ? request.rawlog + ": " : report.damage + "; from what was read, ") +
-        why);
-}
-
 void tell_left_out(const Recording& recording, const RunRequest& request, RunReport& report) {
     for (const Finding& finding : left_out_findings(recording.left_out())) {
         request.warn(finding);
@@ -309,15 +319,15 @@ RunReport run_pipeline(const RunRequest& request) {
     Part part(request);
     read(recording, run, part, report);
     tell_left_out(recording, request, report);
-    if (!part.why_empty().empty()) throw without_pose(request, report, part.why_empty());
+    if (!part.why_empty().empty()) throw without_pose(request, report.damage, part.why_empty());
     try {
         run.finish();
     } catch (const InputError& reason) {
         if (report.damage.empty()) throw;
-        throw without_pose(request, report, reason.what());
+        throw without_pose(request, report.damage, reason.what());
     }
     RunOutput& output = run.output();
-    if (output.written().poses == 0) throw without_pose(request, report, run.why_no_pose());
+    if (output.written().poses == 0) throw without_pose(request, report.damage, run.why_no_pose());
     report.has_scale = output.has_scale();
     report.images_with_pose = output.images_with_pose();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });

@@ -372,6 +372,10 @@ TEST_F(Cli, RunWithoutImu) {
 TEST_F(Cli, RunWithoutImages) {
     const std::string file = rawlog({.images = false});
     expect_error("run " + file + output(), {file, "no images", "--camera-label"});
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+    expect_error("run " + file + output(), {file, "the file is cut off", "no images"});
+    write_rawlog(file, {.images = false});
     EXPECT_EQ(run("info " + file).exit_code, 0);
 }
 
