@@ -116,7 +116,7 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
                 const double promised = equations.predicted_decrease(next);
                 report.gradient = promised / cost.total();
                 converged |= still_to_come(predicted, promised) <=
-                             std::max(small, std::min(limits.negligible, 1e-5 * cost.total()));
+                             std::min(limits.negligible, 1e-5 * cost.total());
             }
         } else {
             ++report.rejected;

@@ -15,9 +15,9 @@ struct MinimizeLimits {
     double cost_tolerance = 1e-8;   ///< relative decrease below which it has converged
     double initial_damping = 1e-8;  ///< near the solution
     /// It has also converged when undamped steps shrink so that all those to come, of which the
-    /// first is foretold with the last factorisation, will not take more off the cost than that, or
-    /// than this and 1e-5 of it. The joint distance of the unknowns from the minimum, in their own
-    /// standard deviations, is then this one's square root: far below noise.
+    /// first is foretold with the last factorisation, will not take more off the cost than this,
+    /// or 1e-5 of it. The joint distance of the unknowns from the minimum, in their own standard
+    /// deviations, is then its square root: far below noise.
     double negligible = 1e-2;
 };
 
