@@ -92,7 +92,7 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
     Progress progress("looking for the board");
     std::optional<TimeNs> origin;
     while (const auto message = recording.next()) {
-        const TimeNs t = std::visit([](const auto& m) { return m.t; }, *message);
+        const TimeNs t = time_of(*message);
         if (!origin) origin = t;
         const double seconds = to_seconds(t - *origin);
         if (seconds < source.begin_s || seconds > source.end_s) continue;

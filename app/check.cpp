@@ -36,7 +36,7 @@ class Tracks {
         const bool wanted = has_tracks_ ? std::holds_alternative<FeatureFrame>(message)
                                         : std::holds_alternative<ImageMessage>(message);
         if (!front_end_ || !wanted) return {};
-        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
+        const TimeNs t = time_of(message);
         if (last_ && t <= *last_) return {};
         if (!first_) first_ = t;
         last_ = t;

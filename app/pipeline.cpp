@@ -60,7 +60,7 @@ class Part {
     explicit Part(const RunRequest& request) : request_(request) {}
 
     bool contains(const Message& message) {
-        const TimeNs t = std::visit([](const auto& m) { return m.t; }, message);
+        const TimeNs t = time_of(message);
         if (!origin_) origin_ = t;
         const double seconds = to_seconds(t - *origin_);
         last_ = std::max(last_, seconds);

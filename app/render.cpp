@@ -192,7 +192,7 @@ void add_render(CLI::App& program) {
         ->capture_default_str();
     command
         ->add_option("--from", arguments->tracks.begin_s,
-                     "Leave out images before, counted from the first [s]")
+                     "Leave out images before, counted from the rawlog's first measurement [s]")
         ->check(CLI::NonNegativeNumber);
     command->add_option("--to", arguments->tracks.end_s, "Leave out images after [s]")
         ->check(CLI::PositiveNumber);

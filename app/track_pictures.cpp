@@ -71,8 +71,8 @@ void for_each_tracked_image(const TrackPictureRequest& request, Use use,
     };
     while (const auto message = recording.next()) {
         progress(recording.progress());
+        if (!first) first = time_of(*message);
         if (const auto* image = std::get_if<ImageMessage>(&*message)) {
-            if (!first) first = image->t;
             const double t = to_seconds(image->t - *first);
             if (t > request.end_s) break;
             if (t >= request.begin_s) images[image->t] = image->image;
@@ -132,24 +132,26 @@ cv::Mat strip(const std::vector<cv::Mat>& pictures) {
     return sheet;
 }
 
-// Time of the last image that is asked for, from the first image on [s].
-double last_image(const TrackPictureRequest& request) {
+// Time from the first to the last image that is asked for [s].
+double span_of_images(const TrackPictureRequest& request) {
     Recording recording(request.rawlog, request.recording);
-    std::optional<TimeNs> first;
-    double last = 0;
+    std::optional<TimeNs> origin, first;
+    double span = 0;
     while (const auto message = recording.next()) {
+        if (!origin) origin = time_of(*message);
         const auto* image = std::get_if<ImageMessage>(&*message);
         if (!image) continue;
-        if (!first) first = image->t;
-        const double t = to_seconds(image->t - *first);
+        const double t = to_seconds(image->t - *origin);
         if (t > request.end_s) break;
-        last = t;
+        if (t < request.begin_s) continue;
+        if (!first) first = image->t;
+        span = to_seconds(image->t - *first);
     }
-    return last;
+    return span;
 }
 
 void write_strip(const TrackPictureRequest& request, const std::function<void(double)>& progress) {
-    const double span = last_image(request) - request.begin_s;
+    const double span = span_of_images(request);
     std::vector<cv::Mat> pictures;
     std::optional<TimeNs> first;
     for_each_tracked_image(

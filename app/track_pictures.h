@@ -15,7 +15,8 @@ struct TrackPictureRequest {
     RecordingOptions recording;
     bool video = false;  ///< a video of all images, else a picture of some of them
     int images = 6;      ///< in a picture
-    double begin_s = 0, end_s = std::numeric_limits<double>::infinity();  ///< from the first image
+    double begin_s = 0,
+           end_s = std::numeric_limits<double>::infinity();  ///< from the first measurement
 };
 
 /// Draws the features that the rawlog holds for its images; where it holds none, tracks them with

@@ -36,6 +36,10 @@ struct GpsMessage {
 
 using Message = std::variant<ImuReading, ImageMessage, FeatureFrame, OdometryMessage, GpsMessage>;
 
+inline TimeNs time_of(const Message& message) {
+    return std::visit([](const auto& m) { return m.t; }, message);
+}
+
 /// Which sensors of a rawlog are taken, with which calibration.
 struct RecordingOptions {
     std::string camera_label;  ///< empty: the first camera in the file

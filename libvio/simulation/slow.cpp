@@ -22,10 +22,6 @@ std::string beside(const std::string& rawlog, const char* ending) {
     return fs::path(rawlog).replace_extension(ending).string();
 }
 
-TimeNs time_of(const Message& message) {
-    return std::visit([](const auto& m) { return m.t; }, message);
-}
-
 // The first stamp of a recording, and the rate of its IMU.
 struct Extent {
     TimeNs first = std::numeric_limits<TimeNs>::max();

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <utility>
-#include <variant>
 
 #include "libvio/base/errors.h"
 #include "libvio/io/calibration_file.h"
@@ -82,12 +81,9 @@ struct MotionEstimator::Impl {
 };
 
 void MotionEstimator::Impl::wait_for_sensors(const Message& message) {
-    const auto time = [](const Message& any) {
-        return std::visit([](const auto& m) { return m.t; }, any);
-    };
     waiting.push_back(message);
     if (sensors.camera && (sensors.imu || !settings.request.use_imu)) return begin();
-    if (time(message) - time(waiting.front()) > kLongestSilence) {
+    if (time_of(message) - time_of(waiting.front()) > kLongestSilence) {
         waiting.clear();
         throw InputError("no observation of the " + silent_sensor() +
                          " in the first 10 s; check the labels, or leave the IMU out");
