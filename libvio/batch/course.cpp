@@ -116,6 +116,20 @@ double minimize_from_nothing(Course& course, State start) {
     return course.last.final.total();
 }
 
+// A track that has left its point does not come back to it: what fits again later does so by
+// chance, as the image of a point just before the lens comes by anywhere. Leaves the longest run of
+// observations that fit; returns its length.
+std::ptrdiff_t keep_longest_run(Observation* first, Observation* last) {
+    Observation *from = first, *to = first;
+    for (Observation* o = first; o != last;) {
+        Observation* end = std::find_if(o, last, [](const Observation& x) { return !x.active; });
+        if (end - o > to - from) from = o, to = end;
+        o = end == last ? last : end + 1;
+    }
+    for (Observation* o = first; o != last; ++o) o->active = o >= from && o < to;
+    return to - from;
+}
+
 // Marks observations that do not fit; true if there are any new ones.
 bool drop_outliers(Course& course) {
     const double limit2 = course.options.outlier_sigmas * course.options.outlier_sigmas;
@@ -131,8 +145,9 @@ bool drop_outliers(Course& course) {
     // What is left of a point must still fix it.
     for (const Point& point : course.model.points) {
         Observation* first = &course.model.observations[point.first_observation];
-        const auto active = std::count_if(first, first + point.observation_count,
-                                          [](const Observation& o) { return o.active; });
+        Observation* last = first + point.observation_count;
+        auto active = std::count_if(first, last, [](const Observation& o) { return o.active; });
+        if (2 * active <= point.observation_count) active = keep_longest_run(first, last);
         if (active < 2 && !point.fiducial)
             for (int k = 0; k < point.observation_count; ++k) first[k].active = false;
     }
@@ -180,17 +195,17 @@ bool drop_tracks_of_no_point(Course& course) {
     return any;
 }
 
-// A point at a camera's centre is seen there in any direction: its observation there is explained
-// by nothing, and its nearness makes that pose look known beyond what the equations can hold. Few
-// observations with next to no parallax can end there. True if there were any.
-bool drop_points_at_cameras(Course& course) {
-    const std::vector<int> there = points_at_cameras(course.model, course.state);
-    for (const int j : there) {
+// Few observations with next to no parallax leave their point's distance to noise. What they seem
+// to tell of the poses grows as the square of its nearness: of a point that came out near by noise
+// alone, far beyond what they can tell; of one at a camera's centre, where any direction explains
+// its observation, beyond what the equations can hold. True if there were any of these points.
+bool drop_points(Course& course, const std::vector<int>& points) {
+    for (const int j : points) {
         const Point& point = course.model.points[j];
         for (int k = 0; k < point.observation_count; ++k)
             course.model.observations[point.first_observation + k].active = false;
     }
-    return !there.empty();
+    return !points.empty();
 }
 
 // The paper's start, and where that ends with more cost than noise explains, a second one.
@@ -271,8 +286,11 @@ void minimize_all(Course& course) {
     bool dropped = drop_outliers(course);
     constexpr int kRounds = 3;
     for (int round = 0; round < kRounds; ++round) {
-        dropped |= drop_points_at_cameras(course);
-        if (!dropped) dropped = drop_tracks_of_no_point(course);  // of the minimum without those
+        dropped |= drop_points(course, points_at_cameras(course.model, course.state));
+        if (!dropped) {  // of the minimum without those
+            dropped = drop_tracks_of_no_point(course);
+            dropped |= drop_points(course, points_near_by_noise(course.model, course.state));
+        }
         if (!std::exchange(dropped, false)) break;
         minimize_stage(course, stage, limits);
     }

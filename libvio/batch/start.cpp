@@ -123,6 +123,51 @@ std::vector<int> points_at_cameras(const Model& model, const State& state) {
     return result;
 }
 
+// Images are linear in the inverse distance, each by how far its camera stands beside the sight
+// line.
+std::vector<int> points_near_by_noise(const Model& model, const State& state) {
+    constexpr double kNear = 2;    // times the inverse distance in the middle
+    constexpr double kSigmas = 5;  // that noise may make of it
+    struct Sighted {
+        int point_idx;
+        double inverse, sigma;
+    };
+    std::vector<Sighted> all;
+    std::vector<double> inverses;
+    for (size_t j = 0; j < model.points.size(); ++j) {
+        const Point& point = model.points[j];
+        if (point.fiducial) continue;
+        std::vector<std::pair<Eigen::Vector3d, double>> centres;  // and weights [1/rad^2]
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        double weights = 0;
+        for (int k = 0; k < point.observation_count; ++k) {
+            const Observation& o = model.observations[point.first_observation + k];
+            if (!o.active) continue;
+            const double angle = model.camera->angular_resolution();
+            centres.emplace_back(camera_pose(model, state, o.frame_idx).p,
+                                 o.sqrt_information.determinant() / (angle * angle));
+            sum += centres.back().second * centres.back().first;
+            weights += centres.back().second;
+        }
+        if (centres.size() < 2) continue;
+        const Eigen::Vector3d middle = sum / weights, line = state.points[j] - middle;
+        const double distance = line.norm();
+        double information = 0;
+        for (const auto& [centre, weight] : centres)
+            information += weight * (centre - middle).cross(line).squaredNorm();
+        if (!(distance > 0)) continue;
+        inverses.push_back(1 / distance);
+        all.push_back({static_cast<int>(j), 1 / distance, distance / std::sqrt(information)});
+    }
+    std::vector<int> result;
+    if (all.empty()) return result;
+    const double usual = median(std::move(inverses));
+    for (const Sighted& s : all)
+        if (s.inverse > kNear * usual && s.inverse - usual < kSigmas * s.sigma)
+            result.push_back(s.point_idx);
+    return result;
+}
+
 void place_other_points(const Model& model, std::vector<bool> placed, State& state) {
     constexpr double kWithoutAny = 1;  // [m]: nothing tells a distance
     for (size_t j = 0; j < model.points.size(); ++j) {

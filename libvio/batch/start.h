@@ -42,4 +42,8 @@ std::vector<int> points_at_infinity(const Model& model, const State& state);
 /// another that sees them (by index; fiducials never).
 std::vector<int> points_at_cameras(const Model& model, const State& state);
 
+/// Points that came out at less than half of the distance in the middle, from cameras so close
+/// together that noise can bring one of the middle distance there (by index; fiducials never).
+std::vector<int> points_near_by_noise(const Model& model, const State& state);
+
 }  // namespace vio::batch

@@ -91,9 +91,11 @@ TEST(Honesty, MistracksDoNotKeepItFromStarting) {
 
 // A track that jumped shows two places; a point between them, or one just before the lens, comes
 // within five standard deviations of either. The batch estimate that the filter starts from was off
-// by 11 to 23 standard deviations on these while such points were left in it.
+// by 11 to 23 standard deviations on the first three of these while such points were left in it. So
+// it was, by 5, while sights that fit such a point by chance, long after the track has left it,
+// counted (the last).
 TEST(Honesty, TracksOfTwoPlacesDoNotBendTheStart) {
-    for (const std::string seed : {"10", "14", "17"}) {
+    for (const std::string seed : {"10", "14", "17", "15"}) {
         const Outcome outcome =
             outcome_of(stress("mistracks.ini", {"camera.count=120", "scenario.seed=" + seed}));
         SCOPED_TRACE("seed " + seed + "\n" + outcome.said);

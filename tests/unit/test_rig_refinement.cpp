@@ -157,6 +157,26 @@ TEST_F(RigRefined, OnlyPointsInACameraStandInOne) {
     EXPECT_EQ(points_at_cameras(model_, state_), std::vector<int>{static_cast<int>(j)});
 }
 
+// Noise can bring a point near where its cameras stand together, and nowhere else.
+TEST_F(RigRefined, ANearPointIsDoubtedWhereItsCamerasStandTogether) {
+    constexpr double kTogether = 1e-3;  // [m]
+    EXPECT_TRUE(points_near_by_noise(model_, state_).empty());
+    const auto it = std::find_if(model_.points.begin(), model_.points.end(),
+                                 [](const Point& p) { return !p.fiducial; });
+    const auto j = static_cast<size_t>(it - model_.points.begin());
+    Observation* seen = &model_.observations[it->first_observation];
+    const auto centre = [&](const Observation& o) {
+        const InertialState& I = state_.frames[o.frame_idx].motion;
+        return (Pose{I.R, I.p} * model_.T_I_C).p;
+    };
+    state_.points[j] = centre(seen[0]) + (state_.points[j] - centre(seen[0])) / 4;
+    EXPECT_TRUE(points_near_by_noise(model_, state_).empty());
+    for (int k = 2; k < it->observation_count; ++k) seen[k].active = false;
+    state_.frames[seen[1].frame_idx].motion.p +=
+        centre(seen[0]) - centre(seen[1]) + Eigen::Vector3d::Constant(kTogether);
+    EXPECT_EQ(points_near_by_noise(model_, state_), std::vector<int>{static_cast<int>(j)});
+}
+
 // The offset must not stop where the readings do.
 TEST_F(RigRefined, ImagesThatMayLieOutsideTheReadingsAreLeftOut) {
     const TimeNs offset = from_seconds(problem_.rig.time_offset);
