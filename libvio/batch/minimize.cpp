@@ -111,12 +111,12 @@ MinimizeReport minimize(Objective& objective, NormalEquations& equations,
             std::swap(state, candidate);
             report.progress.push_back({seconds_since(began), cost.total() - decrease});
             cost = linearize();
-            if (damping.none() && predicted < cost.total() &&
+            const double enough = std::min(limits.negligible, 1e-5 * cost.total());
+            if (enough > 0 && damping.none() && predicted < cost.total() &&
                 timed(report.solve_s, [&] { return equations.resolve(next); })) {
                 const double promised = equations.predicted_decrease(next);
                 report.gradient = promised / cost.total();
-                converged |= still_to_come(predicted, promised) <=
-                             std::min(limits.negligible, 1e-5 * cost.total());
+                converged |= still_to_come(predicted, promised) <= enough;
             }
         } else {
             ++report.rejected;
