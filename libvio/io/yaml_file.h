@@ -90,10 +90,9 @@ class Yaml {
     Pose rigid(const std::string& key, const std::vector<double>& m) const {
         if (m.size() != 16) throw error(key, "expected 16 numbers, row by row");
         Pose T;
-        for (int i = 0; i < 3; ++i) {
-            for (int j = 0; j < 3; ++j) T.R(i, j) = m[static_cast<std::size_t>(4 * i + j)];
-            T.p(i) = m[static_cast<std::size_t>(4 * i + 3)];
-        }
+        const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> rows(m.data());
+        T.R = rows.topLeftCorner<3, 3>();
+        T.p = rows.topRightCorner<3, 1>();
         if (!T.p.allFinite() || T.R.determinant() < 0.5 ||
             !((T.R.transpose() * T.R - Eigen::Matrix3d::Identity()).norm() < kMaxNonOrthogonality))
             throw error(key, "is not a rotation and a translation");

@@ -185,7 +185,7 @@ CameraPtr read_camera_info(Cdr& cdr, bool rectified) {
 }
 
 GpsMessage read_fix(Cdr& cdr, TimeNs t) {
-    const int status = cdr.number<std::int8_t>();
+    const auto status = cdr.number<std::int8_t>();
     cdr.number<std::uint16_t>();  // service
     const Eigen::Vector3d place = read_vector(cdr);
     // Alone 1, by a satellite's or a ground station's corrections 2, as NMEA counts.
