@@ -6,7 +6,7 @@ namespace vio {
 namespace {
 
 // Distance of two readings between which nothing is known of what happened.
-constexpr TimeNs kLargestGap = 100'000'000;
+constexpr TimeNs kLongestBridge = 100'000'000;
 
 }  // namespace
 
@@ -19,7 +19,7 @@ std::optional<Eigen::Vector3d> AccelerometerStream::at(TimeNs t) {
     if (after_->t == t) return after_->accel;
     if (!before_) return {};
     const TimeNs gap = after_->t - before_->t;
-    if (gap > kLargestGap) return {};
+    if (gap > kLongestBridge) return {};
     const double share = static_cast<double>(t - before_->t) / static_cast<double>(gap);
     return (1 - share) * before_->accel + share * after_->accel;
 }
