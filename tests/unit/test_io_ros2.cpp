@@ -28,7 +28,7 @@ using test::error_of;
 using test::read_all;
 using test::ScratchFolder;
 
-constexpr TimeNs kStart = 1'700'000'000'123'456'700;
+constexpr TimeNs kBagStart = 1'700'000'000'123'456'700;
 
 BagMessage imu_message(TimeNs t, double rate, double accel, const char* topic = "/imu0") {
     CdrWriter message;
@@ -60,8 +60,8 @@ BagMessage image_message(TimeNs t, std::uint8_t first = 0, const char* topic = "
 Blob camera_info_data(const char* model, const std::vector<double>& distortion,
                       std::uint32_t binning = 0) {
     CdrWriter message;
-    message.header(kStart, "camera") << std::uint32_t{4} << std::uint32_t{6} << model
-                                     << static_cast<std::uint32_t>(distortion.size());
+    message.header(kBagStart, "camera") << std::uint32_t{4} << std::uint32_t{6} << model
+                                        << static_cast<std::uint32_t>(distortion.size());
     for (const double k : distortion) message << k;
     message.doubles(5, 0, 2.5, 0, 5.5, 1.5, 0, 0, 1).zeros(9);
     message.doubles(4, 0, 2, 0, 0, 4.5, 1, 0, 0, 0, 1, 0);
@@ -103,7 +103,7 @@ BagMessage true_pose_message(TimeNs t, double x) {
 std::vector<BagMessage> whole_bag() {
     std::vector<BagMessage> messages = {transforms_message(), camera_info_message()};
     for (int i = 0; i < 10; ++i) {
-        const TimeNs t = kStart + i * 5'000'000;
+        const TimeNs t = kBagStart + i * 5'000'000;
         messages.push_back(imu_message(t, 0.1 + i, 9.5));
         if (i % 5 == 0) messages.push_back(image_message(t, static_cast<std::uint8_t>(i)));
         if (i % 5 == 0) messages.push_back(fix_message(t));
@@ -150,7 +150,7 @@ TEST_F(Ros2Import, ReadsABagOfAnotherProgram) {
     EXPECT_TRUE(report.left_out.empty());
     const auto readings = read_all<ImuReading>(out());
     ASSERT_EQ(readings.size(), 3u);
-    EXPECT_EQ(readings[2].t, kStart + 10'000'000);
+    EXPECT_EQ(readings[2].t, kBagStart + 10'000'000);
     EXPECT_EQ(readings[2].gyro, Eigen::Vector3d(2.1, 0.2, 0.3));
     EXPECT_EQ(readings[2].accel, Eigen::Vector3d(1, 2, 11.5));
     const auto images = read_all<ImageMessage>(out());
@@ -176,8 +176,8 @@ TEST_F(Ros2Import, BothStoragesAndAllCompressionsGiveTheSameRecording) {
     EXPECT_EQ(report.imu_readings, 10);
     EXPECT_EQ(report.gps_fixes, 2);
     EXPECT_EQ(report.truth_poses, 10);
-    EXPECT_EQ(report.first, kStart);
-    EXPECT_EQ(report.last, kStart + 45'000'000);
+    EXPECT_EQ(report.first, kBagStart);
+    EXPECT_EQ(report.last, kBagStart + 45'000'000);
     const auto readings = read_all<ImuReading>(out());
     ASSERT_EQ(readings.size(), 10u);
     EXPECT_EQ(readings[7].gyro, Eigen::Vector3d(7.1, 0.2, 0.3));
@@ -226,7 +226,7 @@ TEST_F(Ros2Import, FolderListsItsFilesInTheirOrder) {
 
 TEST_F(Ros2Import, TopicsAreNamedWhereThereAreSeveral) {
     auto messages = whole_bag();
-    messages.push_back(imu_message(kStart, 5, 5, "/other"));
+    messages.push_back(imu_message(kBagStart, 5, 5, "/other"));
     const std::string bag = mcap(messages);
     expect_has(refusal(bag),
                "has 2 topics of sensor_msgs/msg/Imu (/imu0, /other); name one with "
@@ -239,15 +239,15 @@ TEST_F(Ros2Import, TopicsAreNamedWhereThereAreSeveral) {
     options_.imu_topic = "/fix";
     expect_has(refusal(bag), "/fix is of type sensor_msgs/msg/NavSatFix");
     options_ = {};
-    expect_has(refusal(mcap({fix_message(kStart)})), "has no topic of sensor_msgs/msg/Image");
+    expect_has(refusal(mcap({fix_message(kBagStart)})), "has no topic of sensor_msgs/msg/Image");
 }
 
 TEST_F(Ros2Import, GyroAndAccelerometerMayBeTopicsOfTheirOwn) {
     std::vector<BagMessage> messages;
     for (int i = 0; i < 5; ++i)
-        messages.push_back(imu_message(kStart + i * 10'000'000, i, 0, "/gyro"));
+        messages.push_back(imu_message(kBagStart + i * 10'000'000, i, 0, "/gyro"));
     for (int i = 0; i < 4; ++i)
-        messages.push_back(imu_message(kStart + 5'000'000 + i * 10'000'000, 0, 9 + i, "/accel"));
+        messages.push_back(imu_message(kBagStart + 5'000'000 + i * 10'000'000, 0, 9 + i, "/accel"));
     options_.imu_topic = "/gyro";
     options_.accel_topic = "/accel";
     const auto report = run(mcap(messages));
@@ -261,9 +261,9 @@ TEST_F(Ros2Import, GyroAndAccelerometerMayBeTopicsOfTheirOwn) {
 TEST_F(Ros2Import, MessagesWithoutATimeOfTheirOwnAreLeftOut) {
     auto messages = whole_bag();
     messages.insert(messages.begin() + 8, imu_message(0, 1, 1));
-    messages.insert(messages.begin() + 8, imu_message(kStart, 1, 1));
-    messages.push_back(imu_message(kStart + 1'000'000'000, std::nan(""), 1));
-    messages.push_back(imu_message(kStart + 2'000'000'000, 1, 1));
+    messages.insert(messages.begin() + 8, imu_message(kBagStart, 1, 1));
+    messages.push_back(imu_message(kBagStart + 1'000'000'000, std::nan(""), 1));
+    messages.push_back(imu_message(kBagStart + 2'000'000'000, 1, 1));
     messages.back().data.resize(100);
     const auto report = run(mcap(messages));
     EXPECT_EQ(report.imu_readings, 10);
@@ -278,7 +278,7 @@ TEST_F(Ros2Import, MessagesWithoutATimeOfTheirOwnAreLeftOut) {
 }
 
 TEST_F(Ros2Import, SaysWhatCalibrationIsMissing) {
-    const auto report = run(mcap({imu_message(kStart, 1, 1), image_message(kStart)}));
+    const auto report = run(mcap({imu_message(kBagStart, 1, 1), image_message(kBagStart)}));
     std::string remarks;
     for (const std::string& remark : report.remarks) remarks += remark + "\n";
     expect_has(remarks, "the bag has no intrinsics of the camera");
@@ -287,7 +287,7 @@ TEST_F(Ros2Import, SaysWhatCalibrationIsMissing) {
 }
 
 TEST_F(Ros2Import, RectifiedImagesHaveTheRectifiedIntrinsics) {
-    run(mcap({imu_message(kStart, 1, 1), image_message(kStart, 0, "/cam0/image_rect"),
+    run(mcap({imu_message(kBagStart, 1, 1), image_message(kBagStart, 0, "/cam0/image_rect"),
               camera_info_message()}));
     const Recording recording(out());
     const auto camera = std::dynamic_pointer_cast<const PerspectiveCamera>(recording.rig().camera);
@@ -303,9 +303,9 @@ TEST_F(Ros2Import, CompressedImagesAreDecoded) {
     Blob png;
     cv::imencode(".png", pixels, png);
     CdrWriter message;
-    message.header(kStart, "camera") << "mono8; png compressed" << png;
+    message.header(kBagStart, "camera") << "mono8; png compressed" << png;
     CdrWriter damaged;
-    damaged.header(kStart + 1, "camera") << "jpeg" << Blob{1, 2, 3};
+    damaged.header(kBagStart + 1, "camera") << "jpeg" << Blob{1, 2, 3};
     const char* type = "sensor_msgs/msg/CompressedImage";
     const char* topic = "/cam0/image_raw/compressed";
     const auto report = run(mcap(
@@ -319,7 +319,7 @@ TEST_F(Ros2Import, CompressedImagesAreDecoded) {
 
 cv::Mat decoded(const char* encoding, int width, int step, const Blob& pixels,
                 bool big_endian = false) {
-    const Blob data = image_data(kStart, width, 4, encoding, big_endian, step, pixels);
+    const Blob data = image_data(kBagStart, width, 4, encoding, big_endian, step, pixels);
     Cdr cdr(data, "here");
     read_header(cdr);
     return read_image(cdr);
@@ -376,10 +376,10 @@ TEST(Ros2Messages, EveryEncodingBecomesGrey) {
 TEST(Ros2Messages, EitherByteOrderIsRead) {
     for (const bool big_endian : {false, true}) {
         CdrWriter message(big_endian);
-        message.header(kStart, "f").zeros(13).doubles(1, 2, 3).zeros(9).doubles(4, 5, 6);
+        message.header(kBagStart, "f").zeros(13).doubles(1, 2, 3).zeros(9).doubles(4, 5, 6);
         Cdr cdr(message.bytes(), "here");
         const auto header = read_header(cdr);
-        EXPECT_EQ(header.t, kStart);
+        EXPECT_EQ(header.t, kBagStart);
         EXPECT_EQ(header.frame, "f");
         const auto reading = read_imu(cdr, header.t);
         EXPECT_EQ(reading.gyro, Eigen::Vector3d(1, 2, 3));
