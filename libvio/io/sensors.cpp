@@ -8,6 +8,7 @@
 #include <set>
 
 #include "libvio/base/errors.h"
+#include "libvio/io/image_depth.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/text.h"
 
@@ -73,8 +74,7 @@ cv::Mat to_grey(const cv::Mat& image) {
     cv::Mat grey = image;
     if (image.channels() == 3) cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
     if (image.channels() == 4) cv::cvtColor(image, grey, cv::COLOR_BGRA2GRAY);
-    if (grey.depth() == CV_16U) grey.convertTo(grey, CV_8U, 1.0 / 256);
-    return grey;
+    return to_8_bit(grey);
 }
 
 // 8-bit BGR of an image of any depth; empty if it is grey.
@@ -82,8 +82,7 @@ cv::Mat to_colour(const cv::Mat& image) {
     cv::Mat colour;
     if (image.channels() == 3) colour = image;
     if (image.channels() == 4) cv::cvtColor(image, colour, cv::COLOR_BGRA2BGR);
-    if (colour.depth() == CV_16U) colour.convertTo(colour, CV_8U, 1.0 / 256);
-    return colour;
+    return to_8_bit(colour);
 }
 
 void check_features(const FeatureFrame& frame) {

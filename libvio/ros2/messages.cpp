@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "libvio/camera/description.h"
+#include "libvio/io/image_depth.h"
 
 namespace vio {
 namespace {
@@ -78,14 +79,10 @@ void swap_bytes(cv::Mat& image) {
 }
 
 cv::Mat as_grey(const cv::Mat& stored, std::optional<int> conversion) {
-    cv::Mat grey;
-    if (conversion)
-        cv::cvtColor(stored, grey, *conversion);
-    else
-        grey = stored;
-    if (grey.depth() == CV_16U)
-        grey.convertTo(grey, CV_8U, 1. / 256, -127.5 / 256);  // the high byte
-    return conversion || stored.depth() == CV_16U ? grey : grey.clone();
+    cv::Mat grey;  // apart from `stored`: mosaics are not converted in their own place
+    if (conversion) cv::cvtColor(stored, grey, *conversion);
+    grey = to_8_bit(conversion ? grey : stored);
+    return grey.data == stored.data ? grey.clone() : grey;
 }
 
 }  // namespace

@@ -283,6 +283,9 @@ ImportReport import_ros2(const std::string& bag_path, const std::string& out_raw
     const std::string images = choose(bag, options.image_topic, kImageTypes, "--image-topic");
     const std::string imu = choose(bag, options.imu_topic, kImuTypes, "--imu-topic");
     const std::string gps = choose(bag, options.gps_topic, kFixTypes, "--gps-topic");
+    const std::string truth = options.truth_topic.empty()
+                                  ? ""
+                                  : choose(bag, options.truth_topic, kPoseTypes, "--truth-topic");
     if (images.empty() && imu.empty())
         throw InputError(bag.path() + ": has no topic of " + listed(kImageTypes) + " or " +
                          listed(kImuTypes));
@@ -326,10 +329,7 @@ ImportReport import_ros2(const std::string& bag_path, const std::string& out_raw
     writer_options.external_images = options.external_images;
     RawlogWriter writer(out_rawlog, rig, writer_options);
     merge_sources(std::move(sources), writer, report, progress);
-    if (!options.truth_topic.empty()) {
-        const std::string truth = choose(bag, options.truth_topic, kPoseTypes, "--truth-topic");
-        write_truth(out_rawlog, read_truth(bag, truth, report.left_out), report);
-    }
+    if (!truth.empty()) write_truth(out_rawlog, read_truth(bag, truth, report.left_out), report);
     writer.finish();
     return report;
 }

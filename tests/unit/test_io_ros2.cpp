@@ -239,6 +239,10 @@ TEST_F(Ros2Import, TopicsAreNamedWhereThereAreSeveral) {
     options_.imu_topic = "/fix";
     expect_has(refusal(bag), "/fix is of type sensor_msgs/msg/NavSatFix");
     options_ = {};
+    options_.truth_topic = "/fix";
+    options_.imu_topic = "/imu0";
+    expect_has(refusal(bag), "/fix is of type sensor_msgs/msg/NavSatFix; expected one of geometry");
+    options_ = {};
     expect_has(refusal(mcap({fix_message(kBagStart)})), "has no topic of sensor_msgs/msg/Image");
 }
 
