@@ -121,10 +121,7 @@ void add_calibrate_imu_camera(CLI::App& calibrate_command) {
     add_calibration_option(*command, recording.calibration_files);
     command->add_option("--camera-label", recording.camera_label, "Camera; default: the first");
     command->add_option("--imu-label", recording.imu_label, "IMU; default: the first");
-    command->add_option("--from", arguments->source.begin_s, "Leave out what is before [s]")
-        ->check(CLI::NonNegativeNumber);
-    command->add_option("--to", arguments->source.end_s, "Leave out what is after [s]")
-        ->check(CLI::PositiveNumber);
+    add_part_options(*command, arguments->source.part);
     command->add_flag("--intrinsics", arguments->intrinsics,
                       "Find the camera's intrinsics anew, too");
     command

@@ -10,6 +10,7 @@
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/description.h"
+#include "libvio/recursive/iekf.h"
 
 namespace vio::app {
 namespace {
@@ -77,6 +78,16 @@ std::vector<fs::path> images_in(const std::string& folder) {
     return files;
 }
 
+// By time, each time once.
+template <typename Measurement>
+void put_in_order(std::vector<Measurement>& measurements) {
+    std::stable_sort(measurements.begin(), measurements.end(),
+                     [](const auto& a, const auto& b) { return a.t < b.t; });
+    const auto repeated = std::unique(measurements.begin(), measurements.end(),
+                                      [](const auto& a, const auto& b) { return a.t == b.t; });
+    measurements.erase(repeated, measurements.end());
+}
+
 void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collector) {
     Recording recording(source.path, source.recording);
     views.rig = recording.rig();
@@ -90,31 +101,28 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
         views.height = recording.rig().camera->height();
     }
     Progress progress("looking for the board");
-    std::optional<TimeNs> origin;
+    check(source.part);
+    Part part(source.part, IekfOptions().message_window);
+    std::vector<ImuReading> readings;
     while (const auto message = recording.next()) {
-        const TimeNs t = time_of(*message);
-        if (!origin) origin = t;
-        const double seconds = to_seconds(t - *origin);
-        if (seconds < source.begin_s || seconds > source.end_s) continue;
+        if (!part.contains(*message)) continue;
         if (const auto* reading = std::get_if<ImuReading>(&*message)) {
-            if (views.imu.empty() || reading->t > views.imu.readings().back().t)
-                views.imu.push_back(*reading);
+            readings.push_back(*reading);
         } else if (const auto* frame = std::get_if<FeatureFrame>(&*message)) {
             collector.add(*frame);
         } else if (const auto* image = std::get_if<ImageMessage>(&*message)) {
             if (!recording.has_features())
-                collector.add(t, image->image,
-                              source.path + " (image t = " + std::to_string(t) + " ns)");
+                collector.add(image->t, image->image,
+                              source.path + " (image t = " + std::to_string(image->t) + " ns)");
         }
         progress.update(recording.progress());
     }
     print_left_out(recording.left_out());
-    std::sort(views.frames.begin(), views.frames.end(),
-              [](const FeatureFrame& a, const FeatureFrame& b) { return a.t < b.t; });
-    const auto repeated =
-        std::unique(views.frames.begin(), views.frames.end(),
-                    [](const FeatureFrame& a, const FeatureFrame& b) { return a.t == b.t; });
-    views.frames.erase(repeated, views.frames.end());
+    if (!part.why_empty().empty()) throw InputError(source.path + ": " + part.why_empty());
+    print_late(part.late(), IekfOptions().message_window);
+    put_in_order(views.frames);
+    put_in_order(readings);
+    for (const ImuReading& reading : readings) views.imu.push_back(reading);
 }
 
 }  // namespace

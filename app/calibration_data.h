@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "app/part.h"
 #include "libvio/calibration/board.h"
 #include "libvio/io/recording.h"
 
@@ -25,7 +26,7 @@ struct BoardSource {
     /// Of a folder's images or an image, as far as known: for BoardDetector.
     CameraPtr camera;
     RecordingOptions recording;
-    double begin_s = 0, end_s = 1e18;  ///< part of a rawlog, from its first measurement on
+    PartRequest part;  ///< of a rawlog
 };
 
 /// From a rawlog's features, whose ids are the corners', or else from images: a rawlog's, those of

@@ -1,6 +1,8 @@
 #include "app/pipeline.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -53,47 +55,9 @@ void check_sensors(Recording& recording, const RunRequest& request) {
             ": no IMU readings; use --sensors image, or name the IMU with --imu-label");
 }
 
-// Whether a measurement lies in the part of the recording that was asked for. IMU readings around
-// it are kept, so that its first and last image lie between readings.
-class Part {
- public:
-    explicit Part(const RunRequest& request) : request_(request) {}
-
-    bool contains(const Message& message) {
-        const TimeNs t = time_of(message);
-        if (!origin_) origin_ = t;
-        const double seconds = to_seconds(t - *origin_);
-        last_ = std::max(last_, seconds);
-        beyond_ = seconds > request_.end_s + request_.options.iekf.message_window ? beyond_ + 1 : 0;
-        const double margin = std::holds_alternative<ImuReading>(message) ? 0.1 : 0;
-        const bool inside =
-            seconds >= request_.begin_s - margin && seconds <= request_.end_s + margin;
-        any_ = any_ || inside;
-        return inside;
-    }
-
-    /// Why nothing of what was read lies in the part; empty if something does.
-    std::string why_empty() const {
-        if (any_) return "";
-        if (last_ >= request_.begin_s)
-            return formatted("no measurement lies between --from %g and --to %g", request_.begin_s,
-                             request_.end_s);
-        return formatted("--from %g lies beyond the recording's %.1f s", request_.begin_s, last_);
-    }
-
-    /// Whether none of the part is to come: one message beyond it may have a wrong stamp.
-    bool is_over() const { return beyond_ > 100; }
-
- private:
-    const RunRequest& request_;
-    std::optional<TimeNs> origin_;
-    double last_ = 0;  // [s]
-    bool any_ = false;
-    int beyond_ = 0;  // messages in a row
-};
-
 // Judges the recording's first seconds in passing, once, so that the user learns of a bad recording
-// before the work is done.
+// before the work is done. The seconds are those of the kind of message that runs longest: images
+// may end early. A jump of the stamps counts as one.
 class EarlyCheck {
  public:
     EarlyCheck(const RunRequest& request, const Rig& rig, RunReport& report)
@@ -102,7 +66,11 @@ class EarlyCheck {
     void add(const Message& message) {
         if (!check_) return;
         check_->add(message);
-        if (check_->seconds() > kSeconds) finish();
+        Passed& passed = passed_[message.index()];
+        const TimeNs t = time_of(message);
+        passed.seconds += std::min(1., std::abs(to_seconds(t - passed.last.value_or(t))));
+        passed.last = t;
+        if (passed.seconds > kSeconds) finish();
     }
     void add_tracks(const FeatureFrame& frame) {
         if (check_) check_->add_tracks(frame);
@@ -121,7 +89,13 @@ class EarlyCheck {
     static constexpr double kSeconds = 15;
     static constexpr int kMostPairs = 150;
 
+    struct Passed {
+        std::optional<TimeNs> last;
+        double seconds = 0;
+    };
+
     std::optional<RecordingCheck> check_;
+    std::array<Passed, std::variant_size_v<Message>> passed_;
     std::function<void(const Finding&)> warn_;
     RunReport& report_;
 };
@@ -193,7 +167,8 @@ class Run {
         report_.images = counts.images;
         report_.dropped_images = counts.dropped_images;
         report_.repeated_messages = counts.repeated_messages;
-        report_.late_messages = counts.late_messages;
+        report_.late_messages += counts.late_messages;
+        report_.late_images += counts.late_images;
         report_.imu_readings = counts.imu_readings;
         report_.duration_s = to_seconds(counts.last_image - counts.first_image);
         report_.estimator_says = estimator().report();
@@ -229,6 +204,8 @@ void read(Recording& recording, Run& run, Part& part, RunReport& report) {
         if (part.is_over()) break;
         progress.update(recording.progress());
     }
+    report.late_messages += part.late();
+    report.late_images += part.late_images();
 }
 
 // The folders that a run makes go again with it where it has left nothing in them.
@@ -291,7 +268,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
              {"stated_sigma", unknown.stated_sigma}});
     json["imu_readings"] = report.imu_readings;
     json["images"] = report.images_with_pose;
-    json["images_in_recording"] = report.images + report.dropped_images;
+    json["images_in_recording"] = report.images + report.dropped_images + report.late_images;
     json["dropped_images"] = report.dropped_images;
     json["repeated_messages"] = report.repeated_messages;
     json["late_messages"] = report.late_messages;
@@ -316,7 +293,7 @@ RunReport run_pipeline(const RunRequest& request) {
     Recording recording(request.rawlog, request.recording);
     check_sensors(recording, request);
     Run run(request, recording.rig(), recording.has_features(), report);
-    Part part(request);
+    Part part(request.part, request.options.iekf.message_window);
     read(recording, run, part, report);
     tell_left_out(recording, request, report);
     if (!part.why_empty().empty()) throw without_pose(request, report.damage, part.why_empty());

@@ -2,10 +2,10 @@
 #pragma once
 
 #include <functional>
-#include <limits>
 #include <string>
 #include <vector>
 
+#include "app/part.h"
 #include "libvio/check/finding.h"
 #include "libvio/io/recording.h"
 #include "libvio/slam/estimator.h"
@@ -24,8 +24,7 @@ struct RunRequest {
     std::string truth_file;          ///< drawn into the picture; empty: none
     std::string fiducials_file;      ///< known points for the batch estimator; empty: none
     std::string start_folder;        ///< results that the batch estimate starts from; empty: none
-    double begin_s = 0;              ///< part of the recording: seconds from its first measurement
-    double end_s = std::numeric_limits<double>::infinity();
+    PartRequest part;
     EstimationOptions options;
     /// Receives what is wrong with the recording's first seconds, as soon as these are read.
     std::function<void(const Finding&)> warn = [](const Finding&) {};
@@ -38,6 +37,7 @@ struct RunReport {
     int dropped_images = 0;     ///< outside the IMU's readings
     int repeated_messages = 0;  ///< left out: of the same stamp as another of their kind
     int late_messages = 0;      ///< left out: later than IekfOptions::message_window
+    int late_images = 0;        ///< of these
     int imu_readings = 0;
     double duration_s = 0;  ///< from the first to the last of these images
     int poses = 0, lost_poses = 0, landmarks = 0;

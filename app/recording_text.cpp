@@ -106,6 +106,16 @@ void print_left_out(const LeftOutList& left_out) {
     std::fflush(stdout);
 }
 
+void print_repeated(int messages) {
+    if (messages > 0) std::printf("left out    %d messages that are there twice\n", messages);
+}
+
+void print_late(int messages, double window) {
+    if (messages > 0)
+        std::printf("left out    %d messages that came more than %g s late (iekf.message_window)\n",
+                    messages, window);
+}
+
 std::vector<Finding> left_out_findings(const LeftOutList& left_out) {
     std::vector<Finding> findings;
     for (const LeftOut& kind : left_out.kinds())

@@ -27,6 +27,10 @@ void print_calibration(const Recording& recording);
 
 /// Prints a line for each kind of measurement that was left out.
 void print_left_out(const LeftOutList& left_out);
+/// A line for messages that were left out for their stamps, if there are any. window:
+/// IekfOptions::message_window [s].
+void print_repeated(int messages);
+void print_late(int messages, double window);
 /// The same as warnings.
 std::vector<Finding> left_out_findings(const LeftOutList& left_out);
 

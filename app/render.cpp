@@ -190,13 +190,9 @@ void add_render(CLI::App& program) {
                      "Images in a picture of feature tracks, evenly spread")
         ->check(CLI::Range(1, 100))
         ->capture_default_str();
-    command
-        ->add_option("--from", arguments->tracks.begin_s,
-                     "Leave out images before, counted from the rawlog's first measurement [s]")
-        ->check(CLI::NonNegativeNumber);
-    command->add_option("--to", arguments->tracks.end_s, "Leave out images after [s]")
-        ->check(CLI::PositiveNumber);
-    add_recording_options(*command, arguments->tracks.recording, "For a rawlog's feature tracks: ");
+    const std::string use = "For a rawlog's feature tracks: ";
+    add_part_options(*command, arguments->tracks.part, use);
+    add_recording_options(*command, arguments->tracks.recording, use);
     command->callback([command, arguments] { run(*command, *arguments); });
 }
 

@@ -78,11 +78,8 @@ void print(const RunReport& r, const RunRequest& request) {
                 r.imu_readings);
     if (r.dropped_images > 0)
         std::printf("dropped     %d images outside the IMU readings\n", r.dropped_images);
-    if (r.repeated_messages > 0)
-        std::printf("left out    %d messages that are there twice\n", r.repeated_messages);
-    if (r.late_messages > 0)
-        std::printf("left out    %d messages that came more than %g s late (iekf.message_window)\n",
-                    r.late_messages, request.options.iekf.message_window);
+    print_repeated(r.repeated_messages);
+    print_late(r.late_messages, request.options.iekf.message_window);
     std::printf("estimate    %d poses, path %.2f %s, %d landmarks\n", r.poses, r.path_length,
                 r.has_scale ? "m" : "(scale unknown)", r.landmarks);
     if (!r.estimator_says.empty()) std::printf("            %s\n", r.estimator_says.c_str());
@@ -132,8 +129,7 @@ void run(Arguments arguments) {
     if (arguments.every_reading && request.estimator != "iekf")
         throw InputError(
             "--every-reading is for --estimator iekf: the batch estimates poses at images");
-    if (!(request.begin_s < request.end_s))
-        throw InputError("--from and --to: nothing lies between them; --to is to be the later one");
+    check(request.part);
     request.use_imu = arguments.sensors == "image+imu";
     request.warn = [](const Finding& finding) {
         std::printf("%-11s %s\n", to_string(finding.grade), one_line(finding).c_str());
@@ -194,12 +190,7 @@ void add_run(CLI::App& program) {
     add_recording_options(*command, request.recording);
     command->add_option("--truth", request.truth_file,
                         "True trajectory (TUM or EuRoC), drawn into the picture");
-    command
-        ->add_option("--from", request.begin_s,
-                     "Leave out what is before, counted from the first measurement [s]")
-        ->check(CLI::NonNegativeNumber);
-    command->add_option("--to", request.end_s, "Leave out what is after [s]")
-        ->check(CLI::PositiveNumber);
+    add_part_options(*command, request.part);
     command->add_option("--fiducials", request.fiducials_file,
                         "Known points for the batch estimator: rows feature_id,x,y,z[,sigma] [m]");
     command->add_flag("--overwrite", request.overwrite, "Replace results that are in the folder");

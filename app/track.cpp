@@ -10,6 +10,7 @@
 #include "app/progress.h"
 #include "app/recording_text.h"
 #include "libvio/io/rawlog_writer.h"
+#include "libvio/slam/ordered_messages.h"
 #include "libvio/tracking/front_end.h"
 
 namespace vio::app {
@@ -65,8 +66,8 @@ class Summary {
 };
 
 // Returns why reading stopped early; empty if the whole file was read.
-std::string track(Recording& recording, TrackingFrontEnd& front_end, bool keep_images,
-                  RawlogWriter& writer, Summary& summary) {
+std::string track(Recording& recording, OrderedMessages& ordered, TrackingFrontEnd& front_end,
+                  bool keep_images, RawlogWriter& writer, Summary& summary) {
     const auto write = [&](const std::vector<FeatureFrame>& frames) {
         for (const FeatureFrame& frame : frames) {
             writer.write(frame);
@@ -75,17 +76,30 @@ std::string track(Recording& recording, TrackingFrontEnd& front_end, bool keep_i
     };
     std::string damage;
     Progress progress("tracking");
-    try {
-        while (const std::optional<Message> message = recording.next()) {
+    const auto next = [&]() -> std::optional<Message> {
+        try {
+            return recording.next();
+        } catch (const InputError& error) {
+            damage = error.what();
+            return std::nullopt;
+        }
+    };
+    const auto track_ready = [&](bool at_end) {
+        while (const auto message = ordered.pop(at_end)) {
             // First what the message completes: it is older.
             write(front_end.add(*message));
             if (keep_images || !std::holds_alternative<ImageMessage>(*message))
                 writer.write(*message);
-            progress.update(recording.progress());
         }
-    } catch (const InputError& error) {
-        damage = error.what();
+    };
+    while (const std::optional<Message> message = next()) {
+        if (ordered.add(*message))
+            track_ready(false);
+        else
+            writer.write(*message);
+        progress.update(recording.progress());
     }
+    track_ready(true);
     write(front_end.finish());
     return damage;
 }
@@ -99,15 +113,20 @@ void run(const Arguments& arguments) {
 
     Recording recording(arguments.rawlog, arguments.recording);
     check(arguments, recording);
-    TrackingFrontEnd front_end(options.tracker, recording.rig(),
-                               recording.has_imu() && !arguments.no_gyro);
+    const bool use_gyro = recording.has_imu() && !arguments.no_gyro;
+    const double window = options.iekf.message_window;
+    OrderedMessages ordered(window, recording.rig(), use_gyro);
+    TrackingFrontEnd front_end(options.tracker, recording.rig(), use_gyro);
     RawlogWriter writer(arguments.output, recording.rig(),
                         RawlogWriterOptions::labelled(arguments.recording));
     Summary summary;
-    const std::string damage = track(recording, front_end, arguments.keep_images, writer, summary);
+    const std::string damage =
+        track(recording, ordered, front_end, arguments.keep_images, writer, summary);
     writer.finish();
     summary.print(arguments.output);
     print_left_out(recording.left_out());
+    print_repeated(ordered.repeated());
+    print_late(ordered.late(), window);
     if (!damage.empty())
         throw InputError(damage + "; the tracks up to there are in " + arguments.output);
 }
@@ -127,7 +146,7 @@ void add_track(CLI::App& program) {
                       "Write the images too; estimators prefer the tracks");
     command->add_flag("--no-gyro", arguments->no_gyro, "Track without the gyro's prediction");
     command->add_option("--config", arguments->config,
-                        "INI file of options; those of the section [tracker] count");
+                        "INI file of options; [tracker] and iekf.message_window count");
     command
         ->add_option("--set", arguments->assignments,
                      "One option as tracker.key=value; may be repeated")

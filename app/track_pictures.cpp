@@ -13,14 +13,17 @@
 #include "gui_offscreen/overlay.h"
 #include "gui_offscreen/snapshot.h"
 #include "libvio/base/errors.h"
+#include "libvio/recursive/iekf.h"
+#include "libvio/slam/ordered_messages.h"
 #include "libvio/tracking/front_end.h"
 
 namespace vio::app {
 namespace {
 
-constexpr size_t kTail = 15;            // images
-constexpr size_t kMostUnpaired = 1000;  // images that wait for their features
-constexpr int kStripWidth = 1600;       // [px]
+constexpr size_t kTail = 15;                          // images
+constexpr size_t kMostUnpaired = 1000;                // images that wait for their features
+constexpr int kStripWidth = 1600;                     // [px]
+const double kWindow = IekfOptions().message_window;  // [s]
 
 int scale_of(const cv::Mat& image) {
     return std::clamp(static_cast<int>(std::lround(640.0 / image.cols)), 1, 4);
@@ -52,7 +55,8 @@ void for_each_tracked_image(const TrackPictureRequest& request, Use use,
     std::map<TimeNs, cv::Mat> images;
     std::vector<FeatureFrame> tail;
     std::unordered_set<FeatureId> rejected;
-    std::optional<TimeNs> first;
+    Part part(request.part, kWindow);
+    OrderedMessages ordered(kWindow, recording.rig(), recording.has_imu());
     const auto pair_up = [&](const FeatureFrame& frame) {
         tail.push_back(frame);
         for (const FeatureObservation& feature : frame.features) rejected.erase(feature.feature_id);
@@ -69,19 +73,26 @@ void for_each_tracked_image(const TrackPictureRequest& request, Use use,
             pair_up(frames[i]);
         }
     };
+    const auto track_ready = [&](bool at_end) {
+        while (const auto message = ordered.pop(at_end)) track(front_end->add(*message));
+    };
     while (const auto message = recording.next()) {
         progress(recording.progress());
-        if (!first) first = time_of(*message);
-        if (const auto* image = std::get_if<ImageMessage>(&*message)) {
-            const double t = to_seconds(image->t - *first);
-            if (t > request.end_s) break;
-            if (t >= request.begin_s) images[image->t] = image->image;
+        const bool drawn = part.contains(*message);
+        if (part.is_over()) break;
+        if (const auto* image = std::get_if<ImageMessage>(&*message); image && drawn) {
+            images[image->t] = image->image;
             if (images.size() > kMostUnpaired) images.erase(images.begin());
         }
-        if (const auto* frame = std::get_if<FeatureFrame>(&*message)) pair_up(*frame);
-        if (!has_tracks) track(front_end->add(*message));
+        if (has_tracks) {
+            if (const auto* frame = std::get_if<FeatureFrame>(&*message)) pair_up(*frame);
+        } else if (ordered.add(*message)) {
+            track_ready(false);
+        }
     }
-    if (!has_tracks) track(front_end->finish());
+    if (has_tracks) return;
+    track_ready(true);
+    track(front_end->finish());
 }
 
 void write_video(const TrackPictureRequest& request, const std::function<void(double)>& progress) {
@@ -135,17 +146,16 @@ cv::Mat strip(const std::vector<cv::Mat>& pictures) {
 // Time from the first to the last image that is asked for [s].
 double span_of_images(const TrackPictureRequest& request) {
     Recording recording(request.rawlog, request.recording);
-    std::optional<TimeNs> origin, first;
+    Part part(request.part, kWindow);
+    std::optional<TimeNs> first;
     double span = 0;
     while (const auto message = recording.next()) {
-        if (!origin) origin = time_of(*message);
+        const bool drawn = part.contains(*message);
+        if (part.is_over()) break;
         const auto* image = std::get_if<ImageMessage>(&*message);
-        if (!image) continue;
-        const double t = to_seconds(image->t - *origin);
-        if (t > request.end_s) break;
-        if (t < request.begin_s) continue;
+        if (!image || !drawn) continue;
         if (!first) first = image->t;
-        span = to_seconds(image->t - *first);
+        span = std::max(span, to_seconds(image->t - *first));
     }
     return span;
 }
@@ -176,6 +186,7 @@ void write_strip(const TrackPictureRequest& request, const std::function<void(do
 
 void write_track_pictures(const TrackPictureRequest& request,
                           const std::function<void(double)>& progress) {
+    check(request.part);
     if (request.video)
         write_video(request, progress);
     else

@@ -2,21 +2,20 @@
 #pragma once
 
 #include <functional>
-#include <limits>
 #include <string>
 
+#include "app/part.h"
 #include "libvio/io/recording.h"
 
 namespace vio::app {
 
-/// What to draw, and to which file; times in seconds.
+/// What to draw, and to which file.
 struct TrackPictureRequest {
     std::string rawlog, output;
     RecordingOptions recording;
     bool video = false;  ///< a video of all images, else a picture of some of them
     int images = 6;      ///< in a picture
-    double begin_s = 0,
-           end_s = std::numeric_limits<double>::infinity();  ///< from the first measurement
+    PartRequest part;
 };
 
 /// Draws the features that the rawlog holds for its images; where it holds none, tracks them with

@@ -35,11 +35,6 @@ void RecordingCheck::add_tracks(const FeatureFrame& frame) {
     rotations_.add(frame);
 }
 
-double RecordingCheck::seconds() const {
-    const std::vector<TimeNs>& stamps = images_.empty() ? frames_ : images_;
-    return stamps.empty() ? 0 : to_seconds(stamps.back() - stamps.front());
-}
-
 std::vector<ImuReading> RecordingCheck::readings_in_order() const {
     std::vector<ImuReading> readings = readings_;
     std::stable_sort(readings.begin(), readings.end(),

@@ -23,9 +23,6 @@ class RecordingCheck {
     /// In order of time.
     void add_tracks(const FeatureFrame& frame);
 
-    /// Time between the first image and the last [s].
-    double seconds() const;
-
     /// One finding a quantity, in an order to be read in. most_pairs: of images, whose rotation is
     /// compared with the gyro's (some milliseconds each).
     std::vector<Finding> findings(int most_pairs = 400) const;

@@ -22,29 +22,20 @@ Course::Course(const EstimationRequest& request, const Rig& rig)
     : use_imu_(request.use_imu),
       patient_(request.estimator != "iekf"),
       time_offset_(from_seconds(rig.time_offset)),
-      queue_(from_seconds(request.options.iekf.message_window), request.use_imu),
+      queue_(request.options.iekf.message_window, rig, request.use_imu),
       estimator_(make_estimator(with_window(request), rig)),
       front_end_(request.options.tracker, rig, request.use_imu) {
     front_end_.set_predictor([this](TimeNs t) { return estimator_->predict(t); });
 }
 
 void Course::add(const Message& message) {
-    if (const auto* reading = std::get_if<ImuReading>(&message)) {
-        if (use_imu_) queue_.add(*reading);
-    } else if (const auto* image = std::get_if<ImageMessage>(&message)) {
-        queue_.add(TimedMessage{image->t + time_offset_, message});
-    } else if (const auto* frame = std::get_if<FeatureFrame>(&message)) {
-        queue_.add(TimedMessage{frame->t + time_offset_, message});
-    }
+    if (use_imu_ || !std::holds_alternative<ImuReading>(message)) queue_.add(message);
 }
 
 bool Course::step(bool at_end) {
-    if (auto next = queue_.pop(at_end)) {
-        const auto* reading = std::get_if<ImuReading>(&*next);
-        if (reading) feed(*reading);
-        const Message message =
-            reading ? Message(*reading) : std::move(std::get<TimedMessage>(*next).message);
-        feed(timed(tracking_s_, [&] { return front_end_.add(message); }));
+    if (const auto message = queue_.pop(at_end)) {
+        if (const auto* reading = std::get_if<ImuReading>(&*message)) feed(*reading);
+        feed(timed(tracking_s_, [&] { return front_end_.add(*message); }));
         front_end_.end_tracks(estimator_->take_rejected());
         return true;
     }
@@ -103,6 +94,7 @@ CourseCounts Course::counts() const {
     if (ended_) counts.dropped_images += static_cast<int>(waiting_.size());
     counts.repeated_messages = queue_.repeated();
     counts.late_messages = queue_.late();
+    counts.late_images = queue_.late_images();
     return counts;
 }
 

@@ -11,8 +11,8 @@
 
 #include "libvio/camera/rig.h"
 #include "libvio/io/recording.h"
-#include "libvio/recursive/message_queue.h"
 #include "libvio/slam/estimator.h"
+#include "libvio/slam/ordered_messages.h"
 #include "libvio/tracking/front_end.h"
 
 namespace vio {
@@ -23,6 +23,7 @@ struct CourseCounts {
     int dropped_images = 0;                  ///< outside the IMU's readings
     int repeated_messages = 0;               ///< of the same stamp as another of their kind
     int late_messages = 0;                   ///< later than IekfOptions::message_window
+    int late_images = 0;                     ///< of these
     TimeNs first_image = 0, last_image = 0;  ///< that reached the estimator
 };
 
@@ -71,12 +72,6 @@ class Course {
     void watch_estimated(Watch watch) { estimated_ = std::move(watch); }
 
  private:
-    // An image, or its features, on the IMU's clock.
-    struct TimedMessage {  // NOLINT(bugprone-exception-escape): std::variant's own promise
-        TimeNs t_imu = 0;
-        Message message;
-    };
-
     void feed(const ImuReading& reading);
     void feed(const std::vector<FeatureFrame>& frames);
     void hold(const FeatureFrame& frame);
@@ -84,7 +79,7 @@ class Course {
 
     bool use_imu_, patient_;
     TimeNs time_offset_;
-    MessageQueue<TimedMessage> queue_;
+    OrderedMessages queue_;
     std::unique_ptr<Estimator> estimator_;
     TrackingFrontEnd front_end_;
     Watch tracked_ = [](const FeatureFrame&) {}, estimated_ = [](const FeatureFrame&) {};
