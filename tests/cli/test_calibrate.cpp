@@ -10,6 +10,7 @@
 #include "tests/cli/calibrate.h"
 #include "tests/mirror_board.h"
 #include "tests/simulated_run.h"
+#include "tests/wanting.h"
 
 namespace vio::test {
 namespace {
@@ -152,7 +153,7 @@ TEST_F(Calibrate, MirrorFromAFileOfTargets) {
 }
 
 TEST_F(Calibrate, MirrorFromImagesOfAnAprilGrid) {
-    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    VIO_SKIP_FOR(BoardDetector::knows_april_grids() ? "" : "built without AprilTag");
     MirrorBoard mirror(1);
     const std::string images = folder_ / "images";
     std::filesystem::create_directory(images);

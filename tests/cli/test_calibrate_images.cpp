@@ -11,6 +11,7 @@
 #include "tests/board_images.h"
 #include "tests/cli/calibrate.h"
 #include "tests/simulated_run.h"
+#include "tests/wanting.h"
 
 namespace vio::test {
 namespace {
@@ -69,8 +70,8 @@ class CalibrateLens : public Calibrate, public ::testing::WithParamInterface<Len
 
 TEST_P(CalibrateLens, IsAsNearToTheTruthAsItSays) {
     const LensCase c = GetParam();
-    if (c.april_grid && !BoardDetector::knows_april_grids())
-        GTEST_SKIP() << "built without AprilTag";
+    VIO_SKIP_FOR(!c.april_grid || BoardDetector::knows_april_grids() ? ""
+                                                                     : "built without AprilTag");
     CameraPtr truth = std::make_shared<PerspectiveCamera>(kLens);
     const bool fisheye = c.model == std::string("fisheye");
     if (fisheye)
@@ -127,7 +128,7 @@ TEST_F(Calibrate, CameraSaysWhatIsWrongWithImages) {
 // One recording of a rig in motion before a board, without any calibration: intrinsics from its
 // images, then the rig.
 TEST_F(Calibrate, RigFromARawlogOfImages) {
-    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    VIO_SKIP_FOR(BoardDetector::knows_april_grids() ? "" : "built without AprilTag");
     SimulatedRunOptions options;
     options.seconds = 5;
     options.image_hz = 10;

@@ -15,6 +15,7 @@
 #include "libvio/io/text.h"
 #include "tests/cli/program.h"
 #include "tests/unit/scratch_folder.h"
+#include "tests/wanting.h"
 
 namespace vio::test {
 namespace {
@@ -267,7 +268,7 @@ TEST_F(Cli, ReproduceTellsBadNamesAndFolders) {
 }
 
 TEST_F(Cli, ReportIsOneFileWithoutReferencesOutOfIt) {
-    if (std::system("gnuplot --version >/dev/null 2>&1") != 0) GTEST_SKIP() << "no gnuplot";
+    VIO_SKIP_FOR(std::system("gnuplot --version >/dev/null 2>&1") == 0 ? "" : "no gnuplot");
     const std::string stem = folder_ / "arm";
     ASSERT_EQ(
         run("simulate " + small_scenario() + " --set images.render=false -o " + stem + ".rawlog")

@@ -4,6 +4,7 @@
 #include "gui_offscreen/framing.h"
 #include "gui_offscreen/scene.h"
 #include "tests/golden/pictures.h"
+#include "tests/wanting.h"
 
 namespace vio::test {
 namespace {
@@ -65,7 +66,7 @@ Snapshot drawn(const Case& c, const Estimate& estimate, double turn = 0) {
 TEST(Pictures, LookAsStored) {
     for (const Case& c : kCases) {
         const Snapshot snapshot = drawn(c, eight());
-        if (!snapshot.problem.empty()) GTEST_SKIP() << snapshot.problem;
+        VIO_SKIP_FOR(snapshot.problem);
         expect_as_stored(snapshot.image, c.name);
     }
 }
@@ -73,7 +74,7 @@ TEST(Pictures, LookAsStored) {
 // What the comparison must and must not notice.
 TEST(Pictures, TheComparisonSeesWhatAnEyeSees) {
     const Snapshot whole = drawn(kCases[0], eight());
-    if (!whole.problem.empty()) GTEST_SKIP() << whole.problem;
+    VIO_SKIP_FOR(whole.problem);
     const auto difference = [&](const Estimate& other, double turn = 0) {
         return visible_difference(whole.image, drawn(kCases[0], other, turn).image);
     };

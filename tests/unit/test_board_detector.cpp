@@ -8,6 +8,7 @@
 #include "tests/board_images.h"
 #include "tests/mirror_board.h"
 #include "tests/unit/scratch_folder.h"
+#include "tests/wanting.h"
 
 namespace vio {
 namespace {
@@ -75,7 +76,7 @@ Found over_poses(const test::Pattern& pattern, const Board& board, const std::ve
 }
 
 TEST(BoardDetector, AprilGridCornersAreFoundToATenthOfAPixelAndRightlyNumbered) {
-    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    VIO_SKIP_FOR(BoardDetector::knows_april_grids() ? "" : "built without AprilTag");
     const test::AprilGridPattern pattern;
     const Board board =
         make_april_grid(pattern.cols, pattern.rows, pattern.tag_size, pattern.spacing);
@@ -89,7 +90,7 @@ TEST(BoardDetector, AprilGridCornersAreFoundToATenthOfAPixelAndRightlyNumbered) 
 
 // In a mirror the board is bent and shown the other way round; its place is known only nominally.
 TEST(BoardDetector, AprilGridIsFoundInAMirror) {
-    if (!BoardDetector::knows_april_grids()) GTEST_SKIP() << "built without AprilTag";
+    VIO_SKIP_FOR(BoardDetector::knows_april_grids() ? "" : "built without AprilTag");
     test::MirrorBoard mirror(1);
     const auto shot = mirror.shoot();
     EXPECT_TRUE(BoardDetector(mirror.board()).detect(shot.image).empty());

@@ -7,6 +7,7 @@
 #include "gui_offscreen/film.h"
 #include "libvio/base/errors.h"
 #include "tests/unit/scratch_folder.h"
+#include "tests/wanting.h"
 
 namespace vio {
 namespace {
@@ -54,7 +55,7 @@ TEST(Film, TurntableEndsWhereItBeganAndShowsAllSides) {
     const test::ScratchFolder folder;
     const std::string file = folder / "turn.avi";
     const std::string problem = film_turntable(build_scene(circle()), small_film(View::kIso), file);
-    if (!problem.empty()) GTEST_SKIP() << problem;
+    VIO_SKIP_FOR(problem);
     const auto frames = frames_of(file);
     ASSERT_EQ(frames.size(), 12u);
     EXPECT_EQ(frames[0].size(), cv::Size(320, 240));
@@ -69,7 +70,7 @@ TEST(Film, MotionGrowsThePathUnderAViewThatStandsStill) {
     const test::ScratchFolder folder;
     const std::string file = folder / "motion.mp4";
     const std::string problem = film_motion(circle(), {}, {}, small_film(View::kTop), file);
-    if (!problem.empty()) GTEST_SKIP() << problem;
+    VIO_SKIP_FOR(problem);
     const auto frames = frames_of(file);
     ASSERT_EQ(frames.size(), 12u);
     EXPECT_GT(blue_pixels(frames[11]), 1.7 * blue_pixels(frames[3]));
@@ -79,7 +80,7 @@ TEST(Film, ChaseKeepsTheRobotInView) {
     const test::ScratchFolder folder;
     const std::string file = folder / "chase.avi";
     const std::string problem = film_motion(circle(), {}, {}, small_film(View::kChase), file);
-    if (!problem.empty()) GTEST_SKIP() << problem;
+    VIO_SKIP_FOR(problem);
     for (const cv::Mat& frame : frames_of(file))
         EXPECT_GT(blue_pixels(frame(cv::Rect(80, 60, 160, 120))), 50) << "the robot's frustum";
 }

@@ -14,6 +14,7 @@
 #include "gui_offscreen/scene.h"
 #include "gui_offscreen/snapshot.h"
 #include "libvio/base/errors.h"
+#include "tests/wanting.h"
 
 namespace vio {
 namespace {
@@ -160,7 +161,7 @@ TEST(Scene, BadFilesAreOneLine) {
 
 TEST(Snapshot, ShowsThePathInItsColourFromEveryView) {
     SnapshotRenderer renderer(637, 401);  // neither a multiple of four
-    if (!renderer.problem().empty()) GTEST_SKIP() << renderer.problem();
+    VIO_SKIP_FOR(renderer.problem());
     Estimate whole = eight();
     for (StateEstimate& state : whole.states) state.lost = false;
     for (bool dark : {false, true}) {
@@ -199,7 +200,7 @@ TEST(Snapshot, IsTheSameAfterTheSceneWasSavedAndFromASecondRenderer) {
     options.width = 320;
     options.height = 240;
     const Snapshot first = render_snapshot(scene, options);
-    if (!first.problem.empty()) GTEST_SKIP() << first.problem;
+    VIO_SKIP_FOR(first.problem);
     const Snapshot second = render_snapshot(scene, options);
     const Snapshot third = render_snapshot(load_scene(file), options);
     EXPECT_EQ(cv::norm(first.image, second.image, cv::NORM_INF), 0);
