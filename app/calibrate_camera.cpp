@@ -5,6 +5,7 @@
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
+#include "app/recording_text.h"
 #include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
@@ -122,6 +123,7 @@ void add_calibrate_camera(CLI::App& calibrate_command) {
         ->check(CLI::NonNegativeNumber);
     command->add_option("--camera-label", arguments->source.recording.camera_label,
                         "Camera; default: the first");
+    add_bit_depth(*command, arguments->source.recording.bit_depth);
     command->callback([arguments] { calibrate(*arguments); });
 }
 

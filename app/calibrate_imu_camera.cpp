@@ -6,6 +6,7 @@
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
 #include "app/calibration_option.h"
+#include "app/recording_text.h"
 #include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
@@ -121,6 +122,7 @@ void add_calibrate_imu_camera(CLI::App& calibrate_command) {
     add_calibration_option(*command, recording.calibration_files);
     command->add_option("--camera-label", recording.camera_label, "Camera; default: the first");
     command->add_option("--imu-label", recording.imu_label, "IMU; default: the first");
+    add_bit_depth(*command, recording.bit_depth);
     add_part_options(*command, arguments->source.part);
     command->add_flag("--intrinsics", arguments->intrinsics,
                       "Find the camera's intrinsics anew, too");

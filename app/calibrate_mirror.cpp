@@ -6,6 +6,7 @@
 
 #include "app/calibrate.h"
 #include "app/calibration_data.h"
+#include "app/recording_text.h"
 #include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_file.h"
@@ -19,6 +20,7 @@ namespace {
 
 struct Arguments {
     std::string source, board, calibration, output, camera_label;
+    int bit_depth = 0;
     std::vector<double> camera_pose;
     double sigma_px = 0;
     bool residuals = false;
@@ -49,6 +51,7 @@ Targets targets_of_board(const Arguments& arguments, const CameraPtr& camera) {
     source.camera = camera;
     source.recording.calibration_files = {arguments.calibration};
     source.recording.camera_label = arguments.camera_label;
+    source.recording.bit_depth = arguments.bit_depth;
     const BoardViews views = read_board_views(source, board);
     if (views.width != camera->width() || views.height != camera->height())
         throw InputError(source.path + ": images are " + std::to_string(views.width) + " x " +
@@ -142,6 +145,7 @@ void add_calibrate_mirror(CLI::App& calibrate) {
                        "Kalibr's target.yaml (aprilgrid, checkerboard) of the board in the images");
     mirror->add_option("--camera-label", arguments->camera_label,
                        "Camera of a rawlog; default: the first");
+    add_bit_depth(*mirror, arguments->bit_depth);
     mirror
         ->add_option("--calibration", arguments->calibration,
                      "Calibration with the camera and the mirror's shape, T_C_M as far as known")

@@ -10,6 +10,7 @@
 #include "libvio/base/errors.h"
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/description.h"
+#include "libvio/io/image_depth.h"
 #include "libvio/recursive/iekf.h"
 
 namespace vio::app {
@@ -58,13 +59,20 @@ class Collector {
     std::optional<BoardDetector> detector_;
 };
 
-void read_images(std::vector<fs::path> files, Collector& collector) {
+void read_images(std::vector<fs::path> files, int bit_depth, Collector& collector) {
     std::sort(files.begin(), files.end());
+    BitDepth depth = find_bit_depth(bit_depth, files);
+    if (const std::string remark = depth.remark(); !remark.empty()) print_note(remark);
     Progress progress("looking for the board");
     for (size_t k = 0; k < files.size(); ++k) {
-        const cv::Mat image = cv::imread(files[k].string(), cv::IMREAD_GRAYSCALE);
+        const cv::Mat image = read_grey(files[k]);
         if (image.empty()) throw InputError(files[k].string() + ": cannot be read as an image");
-        collector.add(from_seconds(static_cast<double>(k)), image, files[k].string());
+        try {
+            collector.add(from_seconds(static_cast<double>(k)), depth.to_8_bit(image),
+                          files[k].string());
+        } catch (const UnusableMeasurement& reason) {
+            throw InputError(files[k].string() + ": " + reason.what());
+        }
         progress.update(static_cast<double>(k + 1) / static_cast<double>(files.size()));
     }
 }
@@ -118,6 +126,7 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
         progress.update(recording.progress());
     }
     print_left_out(recording.left_out());
+    for (const std::string& remark : recording.remarks()) print_note(remark);
     if (!part.why_empty().empty()) throw InputError(source.path + ": " + part.why_empty());
     print_late(part.late(), IekfOptions().message_window);
     put_in_order(views.frames);
@@ -132,9 +141,9 @@ BoardViews read_board_views(const BoardSource& source, const Board& board) {
     Collector collector(views, board);
     collector.set_camera(source.camera);
     if (fs::is_directory(source.path))
-        read_images(images_in(source.path), collector);
+        read_images(images_in(source.path), source.recording.bit_depth, collector);
     else if (fs::exists(source.path) && cv::haveImageReader(source.path))
-        read_images({source.path}, collector);
+        read_images({source.path}, source.recording.bit_depth, collector);
     else
         read_rawlog(source, views, collector);
     if (views.frames.empty())

@@ -10,6 +10,7 @@
 #include "app/progress.h"
 #include "app/recording_text.h"
 #include "libvio/check/recording_check.h"
+#include "libvio/slam/ordered_messages.h"
 #include "libvio/tracking/front_end.h"
 
 namespace vio::app {
@@ -27,27 +28,39 @@ struct Arguments {
 // be judged by them.
 class Tracks {
  public:
-    Tracks(const TrackerOptions& options, const Recording& recording, double seconds)
-        : has_tracks_(recording.has_features()), seconds_(seconds) {
-        if (recording.rig().camera) front_end_.emplace(options, recording.rig(), false);
+    Tracks(const EstimationOptions& options, const Recording& recording, double seconds)
+        : has_tracks_(recording.has_features()),
+          seconds_(seconds),
+          ordered_(options.iekf.message_window, recording.rig(), false) {
+        if (recording.rig().camera) front_end_.emplace(options.tracker, recording.rig(), false);
     }
 
     std::vector<FeatureFrame> add(const Message& message) {
         const bool wanted = has_tracks_ ? std::holds_alternative<FeatureFrame>(message)
                                         : std::holds_alternative<ImageMessage>(message);
         if (!front_end_ || !wanted) return {};
-        const TimeNs t = time_of(message);
-        if (last_ && t <= *last_) return {};
-        if (!first_) first_ = t;
-        last_ = t;
-        if (to_seconds(t - *first_) > seconds_) return {};
-        return front_end_->add(message);
+        ordered_.add(message);
+        return take(false);
     }
+    std::vector<FeatureFrame> finish() { return take(true); }
 
  private:
+    std::vector<FeatureFrame> take(bool at_end) {
+        std::vector<FeatureFrame> frames;
+        while (const auto message = ordered_.pop(at_end)) {
+            const TimeNs t = time_of(*message);
+            if (!first_) first_ = t;
+            if (to_seconds(t - *first_) > seconds_) continue;
+            for (FeatureFrame& frame : front_end_->add(*message))
+                frames.push_back(std::move(frame));
+        }
+        return frames;
+    }
+
     bool has_tracks_;
     double seconds_;
-    std::optional<TimeNs> first_, last_;
+    OrderedMessages ordered_;
+    std::optional<TimeNs> first_;
     std::optional<TrackingFrontEnd> front_end_;
 };
 
@@ -56,28 +69,34 @@ Finding file_finding(const std::string& damage) {
     return {Grade::error, "file", damage, "", "what was read before it is judged below"};
 }
 
-std::vector<Finding> judge(const Arguments& arguments, const TrackerOptions& options,
+std::vector<Finding> judge(const Arguments& arguments, const EstimationOptions& options,
                            Recording& recording) {
     RecordingCheck check(recording.rig(), recording.has_imu());
     Tracks tracks(options, recording, arguments.track_s);
+    const auto add_tracks = [&](const std::vector<FeatureFrame>& frames) {
+        for (const FeatureFrame& frame : frames) check.add_tracks(frame);
+    };
     std::string damage;
     Progress progress("checking");
     try {
         while (const std::optional<Message> message = recording.next()) {
             check.add(*message);
-            for (const FeatureFrame& frame : tracks.add(*message)) check.add_tracks(frame);
+            add_tracks(tracks.add(*message));
             progress.update(recording.progress());
         }
     } catch (const InputError& error) {
         damage = error.what();
     }
+    add_tracks(tracks.finish());
     std::vector<Finding> findings = check.findings();
     findings.insert(findings.begin(), file_finding(damage));
     const auto left_out = left_out_findings(recording.left_out());
     findings.insert(findings.begin() + 1, left_out.begin(), left_out.end());
     if (!recording.has_imu())
-        findings.push_back({Grade::warning, "IMU", "none in the recording", "",
-                            "only --sensors image will work, without scale"});
+        findings.push_back(
+            {Grade::warning, "IMU", "none in the first 10 s", "",
+             "only --sensors image will work, without scale; or name an IMU that begins "
+             "later with --imu-label"});
     return findings;
 }
 
@@ -105,7 +124,7 @@ void run(Arguments arguments) {
         throw InputError(arguments.rawlog +
                          ": no images and no features; name the camera with --camera-label or give "
                          "a rawlog that holds CObservationImage");
-    const std::vector<Finding> findings = judge(arguments, options.tracker, recording);
+    const std::vector<Finding> findings = judge(arguments, options, recording);
     std::printf("\nchecks (measured value, [limit])\n");
     for (const Finding& finding : findings) print(finding);
     const auto count = [&](Grade grade) {
@@ -133,7 +152,7 @@ void add_check(CLI::App& program) {
     command
         ->add_option("FILES", arguments->files,
                      "[CONFIG.ini] RAWLOG: MRPT rawlog; with it, if wanted, an INI file with the "
-                     "options of a run, of which the tracker's count")
+                     "options of a run, of which the tracker's and iekf.message_window count")
         ->required()
         ->expected(1, 2);
     command

@@ -64,6 +64,7 @@ void add_asl(CLI::App& import_command, const char* name, const char* help,
         ->capture_default_str();
     command->add_option("--imu", arguments->options.imu,
                         "IMU folder; default: imu0, where there is one");
+    add_bit_depth(*command, arguments->options.bit_depth);
     command->add_flag("--external-images", arguments->options.external_images, kExternalImages);
     command->callback([arguments, import] {
         run(arguments->output, [&](const auto& progress) {
@@ -90,6 +91,7 @@ void add_kitti(CLI::App& import_command) {
         ->capture_default_str();
     command->add_option("--calibration-dir", arguments->options.calibration_dir,
                         "Folder with calib_*.txt; default: DIR or the one above it");
+    add_bit_depth(*command, arguments->options.bit_depth);
     command->add_flag("--external-images", arguments->options.external_images, kExternalImages);
     command->callback([arguments] {
         run(arguments->output, [&](const auto& progress) {
@@ -165,6 +167,7 @@ void add_csv(CLI::App& import_command) {
     command->add_flag("--accel-reversed", arguments->accel_reversed,
                       "The readings show -g upwards at rest (iOS)");
     add_calibration_option(*command, options.calibration_files);
+    add_bit_depth(*command, options.bit_depth);
     command->add_flag("--external-images", options.external_images, kExternalImages);
     command->callback([arguments, gyro = options.gyro.columns] {
         // A separate accelerometer leaves the gyro's first four columns.
@@ -203,6 +206,7 @@ void add_ros2(CLI::App& import_command) {
                         "True poses: PoseStamped, PoseWithCovarianceStamped, TransformStamped or "
                         "Odometry");
     add_calibration_option(*command, options.calibration_files);
+    add_bit_depth(*command, options.bit_depth);
     command->add_flag("--external-images", options.external_images, kExternalImages);
     command->callback([arguments] {
         run(arguments->output, [&](const auto& progress) {

@@ -52,7 +52,8 @@ void check_sensors(Recording& recording, const RunRequest& request) {
     if (request.use_imu && !recording.has_imu())
         throw InputError(
             request.rawlog +
-            ": no IMU readings; use --sensors image, or name the IMU with --imu-label");
+            ": no IMU readings in the first 10 s; use --sensors image, or, where they begin later, "
+            "name the IMU with --imu-label");
 }
 
 // Judges the recording's first seconds in passing, once, so that the user learns of a bad recording
@@ -171,6 +172,7 @@ class Run {
         report_.late_images += counts.late_images;
         report_.imu_readings = counts.imu_readings;
         report_.duration_s = to_seconds(counts.last_image - counts.first_image);
+        report_.covered_s = counts.covered_s;
         report_.estimator_says = estimator().report();
         report_.events = estimator().status();
         report_.converged = estimator().converged();
@@ -233,6 +235,7 @@ void tell_left_out(const Recording& recording, const RunRequest& request, RunRep
         request.warn(finding);
         report.warnings.push_back(finding);
     }
+    for (const std::string& remark : recording.remarks()) request.remark(remark);
 }
 
 void summarise(const WrittenPath& written, RunReport& report) {
@@ -275,13 +278,16 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
     json["input_output_s"] = report.input_output_s;
     json["tracking_s"] = report.tracking_s;
     json["estimation_s"] = report.estimation_s;
-    if (report.duration_s > 0)
-        json["real_time_ratio"] = report.duration_s / (report.tracking_s + report.estimation_s);
+    if (report.covered_s > 0) json["real_time_ratio"] = real_time_ratio(report);
     if (!report.damage.empty()) json["damage"] = report.damage;
     return json;
 }
 
 }  // namespace
+
+double real_time_ratio(const RunReport& report) {
+    return report.covered_s / (report.tracking_s + report.estimation_s);
+}
 
 RunReport run_pipeline(const RunRequest& request) {
     const NewFolders new_folders(request.output);

@@ -28,6 +28,8 @@ struct RunRequest {
     EstimationOptions options;
     /// Receives what is wrong with the recording's first seconds, as soon as these are read.
     std::function<void(const Finding&)> warn = [](const Finding&) {};
+    /// Receives what else is to be known of the recording, a line each.
+    std::function<void(const std::string&)> remark = [](const std::string&) {};
 };
 
 /// What a run did, for people and for summary.json.
@@ -40,6 +42,7 @@ struct RunReport {
     int late_images = 0;        ///< of these
     int imu_readings = 0;
     double duration_s = 0;  ///< from the first to the last of these images
+    double covered_s = 0;   ///< of this, without gaps: CourseCounts::covered_s
     int poses = 0, lost_poses = 0, landmarks = 0;
     double path_length = 0;  ///< [m] if has_scale
     bool has_scale = true;
@@ -53,6 +56,9 @@ struct RunReport {
     std::string picture_problem;           ///< why there is no picture; empty: there is one
     std::string damage;  ///< why reading stopped early; empty: the whole file was read
 };
+
+/// How many times faster than the images came tracking and estimation were.
+double real_time_ratio(const RunReport& report);
 
 /// Runs the estimator over the rawlog and writes the results folder with its picture. Where the
 /// rawlog is damaged midway, the results up to there are written and RunReport::damage says so.

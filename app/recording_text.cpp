@@ -73,6 +73,16 @@ void add_recording_options(CLI::App& command, RecordingOptions& options, const s
     add_camera_label(command, options.camera_label, use);
     command.add_option("--imu-label", options.imu_label,
                        use + "IMU to use; default: the first in the rawlog");
+    add_bit_depth(command, options.bit_depth, use);
+}
+
+CLI::Option* add_bit_depth(CLI::App& command, int& bits, const std::string& use) {
+    return command
+        .add_option("--bit-depth", bits,
+                    use +
+                        "Bits of 16 that images fill, if the largest value of some does not tell: "
+                        "10, 12, 14 ...")
+        ->check(CLI::Range(8, 16));
 }
 
 CLI::Option* add_camera_label(CLI::App& command, std::string& label, const std::string& use) {
@@ -97,12 +107,18 @@ void print_calibration(const Recording& recording) {
         "\ncalibration (B vehicle, C camera, I IMU, M mirror; T_B_C maps C's coordinates to B)\n");
     print_camera(recording.rig());
     if (recording.has_imu()) print_imu(recording.rig());
+    for (const std::string& remark : recording.remarks()) print_note(remark);
     std::fflush(stdout);
 }
 
 void print_left_out(const LeftOutList& left_out) {
     for (const LeftOut& kind : left_out.kinds())
         std::printf("left out: %s\n", one_line(kind).c_str());
+    std::fflush(stdout);
+}
+
+void print_note(const std::string& text) {
+    std::printf("note        %s\n", text.c_str());
     std::fflush(stdout);
 }
 

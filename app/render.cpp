@@ -93,7 +93,7 @@ constexpr Applies kApplies[] = {
     {"--rate", kResult | kScene | kVideo}, {"--images", kTracks | kPicture},
     {"--from", kTracks | kBoth},           {"--to", kTracks | kBoth},
     {"--calibration", kTracks | kBoth},    {"--camera-label", kTracks | kBoth},
-    {"--imu-label", kTracks | kBoth},
+    {"--imu-label", kTracks | kBoth},      {"--bit-depth", kTracks | kBoth},
 };
 
 Kind kind_of(const std::string& source) {

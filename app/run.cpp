@@ -93,8 +93,7 @@ void print(const RunReport& r, const RunRequest& request) {
     std::printf("time        tracking %.2f s, %s %.2f s, input and output %.2f s", r.tracking_s,
                 request.estimator == "batch" ? "batch" : "filter", r.estimation_s,
                 r.input_output_s);
-    if (r.duration_s > 0)
-        std::printf("; %.1f x real time", r.duration_s / (r.tracking_s + r.estimation_s));
+    if (r.covered_s > 0) std::printf("; %.1f x real time", real_time_ratio(r));
     std::printf("\nresults     %s\n", request.output.c_str());
     const std::string picture = request.output + "/snapshot.png";
     std::printf("picture     %s\n", std::filesystem::exists(picture) ? picture.c_str() : "none");
@@ -135,6 +134,7 @@ void run(Arguments arguments) {
         std::printf("%-11s %s\n", to_string(finding.grade), one_line(finding).c_str());
         std::fflush(stdout);
     };
+    request.remark = print_note;
     const RunReport report = run_pipeline(request);
     print(report, request);
     if (!report.damage.empty())

@@ -125,6 +125,7 @@ void run(const Arguments& arguments) {
     writer.finish();
     summary.print(arguments.output);
     print_left_out(recording.left_out());
+    for (const std::string& remark : recording.remarks()) print_note(remark);
     print_repeated(ordered.repeated());
     print_late(ordered.late(), window);
     if (!damage.empty())

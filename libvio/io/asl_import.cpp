@@ -142,7 +142,8 @@ std::optional<fs::path> existing(std::initializer_list<fs::path> candidates) {
 }
 
 // In the order in which measurements with the same stamp are written.
-MeasurementSources open_sources(const fs::path& root, const AslImportOptions& options) {
+MeasurementSources open_sources(const fs::path& root, const AslImportOptions& options,
+                                std::vector<std::string>& remarks) {
     MeasurementSources sources;
     const fs::path camera = root / options.camera, imu = root / options.imu;
     if (!options.imu.empty()) sources.push_back(std::make_unique<ImuSource>(imu / "data.csv"));
@@ -151,7 +152,8 @@ MeasurementSources open_sources(const fs::path& root, const AslImportOptions& op
     if (!images && !features)
         throw InputError(camera.string() +
                          ": neither data.csv nor features.csv[.gz]; expected an ASL camera folder");
-    if (images) sources.push_back(image_file_source(read_image_list(*images)));
+    if (images)
+        sources.push_back(image_file_source(read_image_list(*images), options.bit_depth, remarks));
     if (features) sources.push_back(std::make_unique<FeatureSource>(*features));
     return sources;
 }
@@ -177,7 +179,7 @@ ImportReport import_measurements(const fs::path& root, const Rig& rig,
     if (!options.imu.empty()) writer_options.imu_label = options.imu;
     writer_options.external_images = options.external_images;
     ImportReport report;
-    auto sources = open_sources(root, options);
+    auto sources = open_sources(root, options, report.remarks);
     RawlogWriter writer(out_rawlog, rig, writer_options);
     merge_sources(std::move(sources), writer, report, progress);
     import_truth(root, out_rawlog, report);

@@ -13,6 +13,7 @@ struct AslImportOptions {
     std::string camera = "cam0";   ///< camera folder; becomes the sensor label
     std::string imu;               ///< IMU folder, likewise; empty: imu0 where there is one
     bool external_images = false;  ///< PNG files beside the rawlog, else embedded
+    int bit_depth = 0;             ///< of images of 16 bits: see BitDepth
 };
 
 /// Converts a data set in ASL layout to a rawlog. `dir` contains mav0/ or is it:

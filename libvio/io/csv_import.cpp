@@ -214,6 +214,7 @@ ImportReport import_csv(const std::string& out_rawlog, const CsvImportOptions& o
                         const std::function<void(double)>& progress) {
     Rig rig;
     load_calibrations(options.calibration_files, rig);
+    ImportReport report;
     MeasurementSources sources;
     if (!options.gyro.file.empty()) {
         if (options.accel.file.empty()) {
@@ -228,10 +229,10 @@ ImportReport import_csv(const std::string& out_rawlog, const CsvImportOptions& o
     }
     if (!options.images.file.empty()) {
         require_columns(options.images, {1, 2}, "time and file, or time alone");
-        sources.push_back(image_file_source(read_images(options)));
+        sources.push_back(
+            image_file_source(read_images(options), options.bit_depth, report.remarks));
     }
     if (sources.empty()) throw InputError("neither images nor IMU readings are named");
-    ImportReport report;
     RawlogWriterOptions writer_options;
     writer_options.external_images = options.external_images;
     RawlogWriter writer(out_rawlog, rig, writer_options);

@@ -33,6 +33,7 @@ struct CsvImportOptions {
     std::string images_dir;                      ///< of the files; empty: the table's folder
     std::vector<std::string> calibration_files;  ///< camera, IMU, or both; see load_calibration
     bool external_images = false;                ///< PNG files beside the rawlog, else embedded
+    int bit_depth = 0;                           ///< of images of 16 bits: see BitDepth
 };
 
 /// Converts tables to a rawlog with the labels cam0 and imu0. Images (8 or 16 bits, any number of

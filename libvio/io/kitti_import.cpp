@@ -184,7 +184,7 @@ ImportReport import_kitti(const std::string& dir, const std::string& out_rawlog,
     const std::string name = (drive / "oxts").string();
     sources.push_back(std::make_unique<StoredSource<ImuReading>>(std::move(oxts.imu), name));
     sources.push_back(std::make_unique<StoredSource<GpsMessage>>(std::move(oxts.gps), name));
-    sources.push_back(image_file_source(std::move(images)));
+    sources.push_back(image_file_source(std::move(images), options.bit_depth, report.remarks));
     RawlogWriter writer(out_rawlog, rig, writer_options);
     merge_sources(std::move(sources), writer, report, progress);
     write_truth(out_rawlog, oxts.truth, report);

@@ -13,6 +13,7 @@ struct KittiImportOptions {
     std::string camera = "image_00";  ///< camera folder; becomes the sensor label
     std::string calibration_dir;      ///< of calib_*.txt; empty: in the drive's folder or above it
     bool external_images = false;     ///< PNG files beside the rawlog, else embedded
+    int bit_depth = 0;                ///< of images of 16 bits: see BitDepth
 };
 
 /// Converts a drive of KITTI's raw recordings (synced or unsynced) to a rawlog. `dir` contains

@@ -1,8 +1,8 @@
 #include "libvio/io/measurement_source.h"
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 
+#include "libvio/io/image_depth.h"
 #include "libvio/io/trajectory_io.h"
 
 namespace vio {
@@ -12,7 +12,8 @@ namespace fs = std::filesystem;
 
 class ImageFileSource final : public MeasurementSource {
  public:
-    explicit ImageFileSource(std::vector<ImageFile> files) : files_(std::move(files)) {}
+    ImageFileSource(std::vector<ImageFile> files, BitDepth depth)
+        : files_(std::move(files)), depth_(depth) {}
 
     bool advance() override {
         if (next_ == files_.size()) return false;
@@ -30,16 +31,20 @@ class ImageFileSource final : public MeasurementSource {
 
     Message message() override {
         const ImageFile& file = files_[next_ - 1];
-        const cv::Mat image = fs::is_regular_file(file.path)
-                                  ? cv::imread(file.path.string(), cv::IMREAD_GRAYSCALE)
-                                  : cv::Mat();
-        if (image.empty())
-            throw UnusableMeasurement(file.place + ": image " + file.path.string() +
-                                      " is missing or damaged");
-        return ImageMessage{time(), image};
+        const cv::Mat image = read_grey(file.path);
+        const auto unusable = [&](const std::string& why) {
+            return UnusableMeasurement(file.place + ": image " + file.path.string() + why);
+        };
+        if (image.empty()) throw unusable(" is missing or damaged");
+        try {
+            return ImageMessage{time(), depth_.to_8_bit(image)};
+        } catch (const UnusableMeasurement& reason) {
+            throw unusable(std::string(": ") + reason.what());
+        }
     }
 
     std::vector<ImageFile> files_;
+    BitDepth depth_;
     size_t next_ = 0;
 };
 
@@ -52,8 +57,13 @@ void count(const Message& message, ImportReport& report) {
 
 }  // namespace
 
-std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files) {
-    return std::make_unique<ImageFileSource>(std::move(files));
+std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files, int bit_depth,
+                                                     std::vector<std::string>& remarks) {
+    std::vector<fs::path> paths;
+    for (const ImageFile& file : files) paths.push_back(file.path);
+    const BitDepth depth = find_bit_depth(bit_depth, paths);
+    if (const std::string remark = depth.remark(); !remark.empty()) remarks.push_back(remark);
+    return std::make_unique<ImageFileSource>(std::move(files), depth);
 }
 
 std::optional<Message> MeasurementSource::take() {

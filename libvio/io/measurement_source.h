@@ -75,9 +75,10 @@ struct ImageFile {
 };
 
 /// Images of 8 or 16 bits and any number of channels, read as 8-bit grey when their turn comes.
-/// Throws InputError in advance() for stamps that do not increase; a file that is missing or
-/// damaged is left out.
-std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files);
+/// bit_depth: see BitDepth; remarks gets what was found. Throws InputError in advance() for stamps
+/// that do not increase; a file that is missing or damaged is left out.
+std::unique_ptr<MeasurementSource> image_file_source(std::vector<ImageFile> files, int bit_depth,
+                                                     std::vector<std::string>& remarks);
 
 /// Measurements that are in memory already.
 template <typename Measurement>

@@ -50,10 +50,15 @@ bool enough(const Sensors& sensors, const RecordingOptions& options) {
     return sensors.camera && camera_span > kScanLimit && options.imu_label.empty();
 }
 
-std::string labels_seen(const std::set<std::string>& labels) {
+// " 'cam0' 'cam1'"
+std::string quoted(const std::set<std::string>& labels) {
     std::string names;
     for (const std::string& label : labels) names += " '" + label + "'";
-    return names.empty() ? "; the file has none" : "; labels in the file:" + names;
+    return names;
+}
+
+std::string labels_seen(const std::set<std::string>& labels) {
+    return labels.empty() ? "; the file has none" : "; labels in the file:" + quoted(labels);
 }
 
 // Reads the beginning of the file for its sensors and their calibration. Damage further on is left
@@ -105,8 +110,39 @@ struct Recording::Impl {
                              ", which a rawlog cannot hold, and " + sidecar +
                              " is missing or has no section [camera]; put it beside the rawlog or "
                              "name another with --calibration");
+        if (sensors.images) sensors.bit_depth = find_depth(options.bit_depth);
     }
 
+    // Looks at the first images; what is wrong with them is for next() to tell.
+    BitDepth find_depth(int stated) const {
+        RawlogObjects ahead(file);
+        std::deque<CObservation::Ptr> observations;
+        return find_bit_depth(stated, [&]() -> cv::Mat {
+            try {
+                while (true) {
+                    while (!observations.empty()) {
+                        const CObservation::Ptr observation = observations.front();
+                        observations.pop_front();
+                        const auto* image =
+                            dynamic_cast<const CObservationImage*>(observation.get());
+                        if (!image || image->sensorLabel != sensors.camera_label) continue;
+                        try {
+                            return pixels_of(*image, [this](auto& name) { return load(name); })
+                                .clone();
+                        } catch (const UnusableMeasurement&) {
+                        }
+                    }
+                    const auto object = ahead.next();
+                    if (!object) return {};
+                    append_observations(object, observations);
+                }
+            } catch (const InputError&) {
+                return {};
+            }
+        });
+    }
+
+    cv::Mat load(const std::string& name) const;
     std::optional<Message> next();
     std::optional<Message> convert(const CActionCollection& actions);
 
@@ -125,31 +161,37 @@ std::optional<Message> Recording::Impl::convert(const CActionCollection& actions
         const std::optional<Pose> increment = odometry_increment(*action);
         if (!increment) continue;
         T_O_B = T_O_B * *increment;
-        if (action->timestamp == INVALID_TIMESTAMP) return {};
+        if (action->timestamp == INVALID_TIMESTAMP) {
+            left_out.add("odometry poses", objects.error("an action without time stamp").what());
+            return {};
+        }
         return OdometryMessage{from_mrpt(action->timestamp), T_O_B};
     }
     return {};
 }
 
+// An image that is stored in a file.
+cv::Mat Recording::Impl::load(const std::string& name) const {
+    if (!fs::is_directory(images_dir))
+        throw InputError("its images are files in " + images_dir.string() +
+                         ", which is missing; keep that folder beside the rawlog");
+    const fs::path path = images_dir / name;
+    cv::Mat image =  // OpenCV itself would print a warning about a missing file
+        fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
+    if (image.empty())
+        throw UnusableMeasurement("image file " + path.string() + " is missing or damaged");
+    return image;
+}
+
 std::optional<Message> Recording::Impl::next() {
-    const ImageLoader load = [this](const std::string& name) {
-        if (!fs::is_directory(images_dir))
-            throw InputError("its images are files in " + images_dir.string() +
-                             ", which is missing; keep that folder beside the rawlog");
-        const fs::path path = images_dir / name;
-        cv::Mat image =  // OpenCV itself would print a warning about a missing file
-            fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
-        if (image.empty())
-            throw UnusableMeasurement("image file " + path.string() + " is missing or damaged");
-        return image;
-    };
+    const ImageLoader loader = [this](const std::string& name) { return load(name); };
     while (true) {
         while (!pending.empty()) {
             const CObservation::Ptr observation = pending.front();
             pending.pop_front();
             sensors.see_aid(*observation);
             try {
-                if (auto message = to_message(*observation, sensors, load)) return message;
+                if (auto message = to_message(*observation, sensors, loader)) return message;
             } catch (const UnusableMeasurement& reason) {
                 left_out.add(measurements_of(*observation), objects.error(reason.what()).what());
             } catch (const InputError& reason) {
@@ -186,6 +228,20 @@ std::optional<Message> Recording::next() {
 }
 const LeftOutList& Recording::left_out() const {
     return impl_->left_out;
+}
+std::vector<std::string> Recording::remarks() const {
+    const Sensors& sensors = impl_->sensors;
+    std::vector<std::string> lines;
+    if (const std::string depth = sensors.bit_depth.remark(); !depth.empty())
+        lines.push_back(depth);
+    std::string kinds;
+    if (!sensors.other_cameras.empty()) kinds = " camera" + quoted(sensors.other_cameras);
+    if (!sensors.other_imus.empty())
+        kinds += (kinds.empty() ? " IMU" : ", IMU") + quoted(sensors.other_imus);
+    if (!kinds.empty())
+        lines.push_back("also in the file:" + kinds +
+                        "; not used (--camera-label, --imu-label choose)");
+    return lines;
 }
 double Recording::progress() const {
     return impl_->objects.progress();

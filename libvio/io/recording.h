@@ -47,6 +47,7 @@ struct RecordingOptions {
     /// Calibrations that override the sidecar's and the rawlog's, key by key, each those before it;
     /// format in share/formats.md.
     std::vector<std::string> calibration_files;
+    int bit_depth = 0;  ///< of images of 16 bits: see BitDepth
 };
 
 /// Streams a rawlog in bounded memory. Sensors with other labels than the chosen ones, and other
@@ -63,18 +64,23 @@ class Recording {
     /// RecordingOptions::calibration_files. camera is null if there are no images and no features,
     /// or no calibration.
     const Rig& rig() const;
+    /// Whether the IMU has a reading within 10 s of the first image; one that was named: anywhere.
     bool has_imu() const;
     bool has_images() const;
     bool has_features() const;
 
     /// Next message in file order; nothing at the clean end. A measurement that cannot be used is
     /// added to left_out() and passed over. Throws InputError (file, position, what was kept) where
-    /// the file is damaged, its folder of images is missing, or an image has not its calibration's
-    /// size.
+    /// the file is damaged, its folder of images is missing, or the first image has not its
+    /// calibration's size.
     std::optional<Message> next();
 
     /// The unusable measurements of the chosen sensors so far, for a warning.
     const LeftOutList& left_out() const;
+
+    /// What was chosen, one line each: how 16-bit images are taken; cameras and IMUs that are in
+    /// what has been read and are not used.
+    std::vector<std::string> remarks() const;
 
     /// Share of the file that has been read, 0 to 1 (for progress).
     double progress() const;

@@ -1,14 +1,12 @@
 #include "libvio/io/sensors.h"
 
 #include <mrpt/obs/CObservationGPS.h>
-#include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
 #include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "libvio/base/errors.h"
-#include "libvio/io/image_depth.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/text.h"
 
@@ -57,7 +55,7 @@ void Sensors::see_camera(const CObservation& observation, const RecordingOptions
 }
 
 void Sensors::see_imu(const CObservationIMU& observation, const RecordingOptions& options) {
-    if (imu || !from_mrpt(observation)) return;
+    if (imu || !from_mrpt(observation)) return;  // others: see to_message()
     if (!options.imu_label.empty() && options.imu_label != observation.sensorLabel) {
         other_imus.insert(observation.sensorLabel);
         return;
@@ -69,20 +67,20 @@ void Sensors::see_imu(const CObservationIMU& observation, const RecordingOptions
 
 namespace {
 
-// 8-bit grey of an image of any depth and number of channels.
+// Grey of an image of any number of channels.
 cv::Mat to_grey(const cv::Mat& image) {
     cv::Mat grey = image;
     if (image.channels() == 3) cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
     if (image.channels() == 4) cv::cvtColor(image, grey, cv::COLOR_BGRA2GRAY);
-    return to_8_bit(grey);
+    return grey;
 }
 
-// 8-bit BGR of an image of any depth; empty if it is grey.
+// BGR of an image; empty if it is grey.
 cv::Mat to_colour(const cv::Mat& image) {
     cv::Mat colour;
     if (image.channels() == 3) colour = image;
     if (image.channels() == 4) cv::cvtColor(image, colour, cv::COLOR_BGRA2BGR);
-    return to_8_bit(colour);
+    return colour;
 }
 
 void check_features(const FeatureFrame& frame) {
@@ -104,27 +102,52 @@ void check_stamp(mrpt::Clock::time_point stamp) {
         throw UnusableMeasurement("an observation without time stamp; give it one or remove it");
 }
 
-ImageMessage convert_image(const CObservationImage& observation, const CameraPtr& camera,
+ImageMessage convert_image(const CObservationImage& observation, Sensors& sensors,
                            const ImageLoader& load) {
-    const mrpt::img::CImage& stored = observation.image;
-    const cv::Mat image =
-        stored.isExternallyStored() ? load(stored.getExternalStorageFile()) : stored.asCvMatRef();
-    if (image.empty()) throw UnusableMeasurement("an image without pixels");
-    if (camera && (image.cols != camera->width() || image.rows != camera->height()))
-        throw InputError("the image has " + std::to_string(image.cols) + "x" +
-                         std::to_string(image.rows) + " px, its calibration " +
-                         std::to_string(camera->width()) + "x" + std::to_string(camera->height()) +
-                         "; give the matching calibration");
+    const cv::Mat image = pixels_of(observation, load);
+    check_size(image, from_mrpt(observation.timestamp), sensors);
+    const cv::Mat colour = to_colour(image);
+    const cv::Mat bytes = sensors.bit_depth.to_8_bit(colour.empty() ? image : colour);
     // Copies: the observation goes.
-    return {from_mrpt(observation.timestamp), to_grey(image).clone(), to_colour(image).clone()};
+    ImageMessage message{from_mrpt(observation.timestamp), to_grey(bytes).clone()};
+    if (!colour.empty()) message.colour = bytes.clone();
+    return message;
 }
 
 }  // namespace
 
-std::optional<Message> to_message(const CObservation& observation, const Sensors& sensors,
+void check_size(const cv::Mat& image, TimeNs t, Sensors& sensors) {
+    const CameraPtr& camera = sensors.rig.camera;
+    if (!camera) return;
+    const auto size = [](int width, int height) {
+        return std::to_string(width) + "x" + std::to_string(height);
+    };
+    if (image.cols == camera->width() && image.rows == camera->height()) {
+        sensors.image_fits = true;
+        return;
+    }
+    const std::string sizes = "the image at " + format_seconds(t) + " s has " +
+                              size(image.cols, image.rows) + " px, its calibration " +
+                              size(camera->width(), camera->height());
+    if (sensors.image_fits) throw UnusableMeasurement(sizes);
+    throw InputError(sizes + "; give the matching calibration");
+}
+
+cv::Mat pixels_of(const CObservationImage& observation, const ImageLoader& load) {
+    const mrpt::img::CImage& stored = observation.image;
+    cv::Mat image =
+        stored.isExternallyStored() ? load(stored.getExternalStorageFile()) : stored.asCvMatRef();
+    if (image.empty()) throw UnusableMeasurement("an image without pixels");
+    return image;
+}
+
+std::optional<Message> to_message(const CObservation& observation, Sensors& sensors,
                                   const ImageLoader& load) {
     if (const auto* imu = dynamic_cast<const CObservationIMU*>(&observation)) {
-        if (!sensors.imu || imu->sensorLabel != sensors.imu_label) return {};
+        if (!sensors.imu || imu->sensorLabel != sensors.imu_label) {
+            if (from_mrpt(*imu)) sensors.other_imus.insert(imu->sensorLabel);
+            return {};
+        }
         check_stamp(imu->timestamp);
         const auto reading = from_mrpt(*imu);
         if (!reading) return {};
@@ -134,12 +157,18 @@ std::optional<Message> to_message(const CObservation& observation, const Sensors
         return *reading;
     }
     if (const auto* image = dynamic_cast<const CObservationImage*>(&observation)) {
-        if (image->sensorLabel != sensors.camera_label) return {};
+        if (image->sensorLabel != sensors.camera_label) {
+            sensors.other_cameras.insert(image->sensorLabel);
+            return {};
+        }
         check_stamp(image->timestamp);
-        return convert_image(*image, sensors.rig.camera, load);
+        return convert_image(*image, sensors, load);
     }
     if (const auto* features = dynamic_cast<const CObservationFeatures*>(&observation)) {
-        if (features->sensorLabel != sensors.camera_label) return {};
+        if (features->sensorLabel != sensors.camera_label) {
+            sensors.other_cameras.insert(features->sensorLabel);
+            return {};
+        }
         check_stamp(features->timestamp);
         FeatureFrame frame = from_mrpt(*features);
         check_features(frame);

@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "libvio/camera/description.h"
-#include "libvio/io/image_depth.h"
 
 namespace vio {
 namespace {
@@ -79,10 +78,10 @@ void swap_bytes(cv::Mat& image) {
 }
 
 cv::Mat as_grey(const cv::Mat& stored, std::optional<int> conversion) {
+    if (!conversion) return stored.clone();
     cv::Mat grey;  // apart from `stored`: mosaics are not converted in their own place
-    if (conversion) cv::cvtColor(stored, grey, *conversion);
-    grey = to_8_bit(conversion ? grey : stored);
-    return grey.data == stored.data ? grey.clone() : grey;
+    cv::cvtColor(stored, grey, *conversion);
+    return grey;
 }
 
 }  // namespace
@@ -136,7 +135,7 @@ cv::Mat read_compressed_image(Cdr& cdr) {
     if (!data.empty())
         image = cv::imdecode(cv::Mat(1, static_cast<int>(data.size()), CV_8UC1,
                                      const_cast<std::uint8_t*>(data.data())),
-                             cv::IMREAD_GRAYSCALE);
+                             cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
     if (image.empty()) throw cdr.error("the image (" + format + ") cannot be decoded");
     return image;
 }

@@ -26,10 +26,10 @@ Ros2Header read_header(Cdr& cdr);
 /// covariances are not read.
 ImuReading read_imu(Cdr& cdr, TimeNs t);
 
-/// sensor_msgs/msg/Image as 8-bit grey: mono, rgb, bgr (8 or 16 bits, with alpha), Bayer patterns,
-/// YUV 4:2:2. Also throws for other encodings.
+/// sensor_msgs/msg/Image as grey of the 8 or 16 bits that it has: mono, rgb, bgr (with alpha),
+/// Bayer patterns, YUV 4:2:2. Also throws for other encodings.
 cv::Mat read_image(Cdr& cdr);
-/// sensor_msgs/msg/CompressedImage as 8-bit grey; also throws where it cannot be decoded.
+/// sensor_msgs/msg/CompressedImage likewise; also throws where it cannot be decoded.
 cv::Mat read_compressed_image(Cdr& cdr);
 
 /// sensor_msgs/msg/CameraInfo: of the raw image (K, D) or of the rectified one (P). Null for a

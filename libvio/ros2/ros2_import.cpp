@@ -5,6 +5,7 @@
 
 #include "libvio/io/accelerometer_stream.h"
 #include "libvio/io/calibration_file.h"
+#include "libvio/io/image_depth.h"
 #include "libvio/ros2/bag.h"
 #include "libvio/ros2/messages.h"
 
@@ -226,6 +227,22 @@ struct BagCalibration {
     std::vector<std::string> remarks;
 };
 
+// From the topic's first images; what is wrong with them is told when their turn comes.
+BitDepth find_depth(const Ros2Bag& bag, const std::string& topic, cv::Mat (*read)(Cdr&),
+                    int stated) {
+    LeftOutList left_out;
+    StampedMessages messages(bag, topic, left_out);
+    return find_bit_depth(stated, [&]() -> cv::Mat {
+        while (messages.next()) {
+            try {
+                return read(messages.body());
+            } catch (const UnusableMeasurement&) {
+            }
+        }
+        return {};
+    });
+}
+
 void find_intrinsics(const Ros2Bag& bag, const std::string& image_topic, BagCalibration& found) {
     const bool compressed = bag.find(image_topic)->type == kImageTypes[1];
     const std::string image =
@@ -305,10 +322,19 @@ ImportReport import_ros2(const std::string& bag_path, const std::string& out_raw
     if (!images.empty()) {
         const auto read =
             bag.find(images)->type == kImageTypes[1] ? read_compressed_image : read_image;
-        sources.push_back(topic_source(bag, images, [read](Cdr& body, TimeNs t) {
-            return ImageMessage{t, read(body)};
-        }));
+        const BitDepth found_depth = find_depth(bag, images, read, options.bit_depth);
+        sources.push_back(
+            topic_source(bag, images, [read, depth = found_depth](Cdr& body, TimeNs t) mutable {
+                const cv::Mat image = read(body);
+                try {
+                    return ImageMessage{t, depth.to_8_bit(image)};
+                } catch (const UnusableMeasurement& reason) {
+                    throw body.error(reason.what());
+                }
+            }));
         report.remarks.push_back("images: " + images);
+        if (const std::string remark = found_depth.remark(); !remark.empty())
+            report.remarks.push_back(remark);
         BagCalibration found;
         find_intrinsics(bag, images, found);
         if (!imu.empty()) find_extrinsics(bag, images, imu, found);

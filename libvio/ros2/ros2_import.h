@@ -20,6 +20,7 @@ struct Ros2ImportOptions {
     std::string truth_topic;
     std::vector<std::string> calibration_files;  ///< over the bag's own; see load_calibrations
     bool external_images = false;                ///< PNG files beside the rawlog, else embedded
+    int bit_depth = 0;                           ///< of images of 16 bits: see BitDepth
 };
 
 /// Converts a ROS 2 bag (folder, .db3 or .mcap) to a rawlog with the labels cam0 and imu0. Stamps

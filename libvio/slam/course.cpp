@@ -83,7 +83,12 @@ void Course::release() {
         ++counts_.dropped_images;
         return;
     }
-    if (counts_.images++ == 0) counts_.first_image = frame.t;
+    constexpr double kGap = 1;  // [s]
+    const double since_last = to_seconds(frame.t - counts_.last_image);
+    if (counts_.images++ == 0)
+        counts_.first_image = frame.t;
+    else if (since_last <= kGap)
+        counts_.covered_s += since_last;
     counts_.last_image = frame.t;
     estimated_(frame);
     estimator_->add(frame);

@@ -25,6 +25,7 @@ struct CourseCounts {
     int late_messages = 0;                   ///< later than IekfOptions::message_window
     int late_images = 0;                     ///< of these
     TimeNs first_image = 0, last_image = 0;  ///< that reached the estimator
+    double covered_s = 0;  ///< from one to the next, where that is no more than a second [s]
 };
 
 /// The loop of an application:

@@ -97,7 +97,16 @@ void MotionEstimator::Impl::begin() {
         throw InputError("camera '" + sensors.camera_label +
                          "' is not calibrated; give a calibration file");
     course.emplace(settings.request, sensors.rig);
-    for (const Message& message : early) take(message);
+    sensors.image_fits = false;  // that is by the files now
+    for (const Message& message : early) {
+        try {
+            if (const auto* image = std::get_if<ImageMessage>(&message))
+                check_size(image->image, image->t, sensors);
+            take(message);
+        } catch (const UnusableMeasurement&) {
+            ++unusable;
+        }
+    }
 }
 
 void MotionEstimator::Impl::take(const Message& message) {
@@ -153,6 +162,12 @@ void MotionEstimator::set_labels(const std::string& camera, const std::string& i
     recording.imu_label = imu;
 }
 
+void MotionEstimator::set_bit_depth(int bits) {
+    if (bits < 8 || bits > 16)
+        throw InputError("set_bit_depth: " + std::to_string(bits) + " is not from 8 to 16");
+    impl_->before_the_first().recording.bit_depth = bits;
+}
+
 void MotionEstimator::ignore_imu() {
     impl_->before_the_first().request.use_imu = false;
 }
@@ -163,6 +178,7 @@ void MotionEstimator::keep_path() {
 
 void MotionEstimator::process(const mrpt::obs::CObservation& observation) {
     Impl& e = *impl_;
+    if (!e.begun) e.sensors.bit_depth = BitDepth(e.settings.recording.bit_depth);
     e.begun = true;
     try {
         e.sensors.see(observation, e.settings.recording);

@@ -52,6 +52,9 @@ class MotionEstimator : public mrpt::rtti::CObject, public mrpt::system::COutput
     void set_calibration(const std::string& file);
     /// Sensors to use among several; empty: the first.
     void set_labels(const std::string& camera, const std::string& imu);
+    /// Bits that images of 16 bits a channel fill, 8 to 16; not called: as the first image has them
+    /// (BitDepth).
+    void set_bit_depth(int bits);
     /// From images alone.
     void ignore_imu();
     /// All of the recursive estimator's path stays in memory, for estimate(): about 4 kB for each
@@ -61,10 +64,11 @@ class MotionEstimator : public mrpt::rtti::CObject, public mrpt::system::COutput
     // ---- Observations ------------------------------------------------------------------------
 
     /// In any order within iekf.message_window (0.1 s); what comes later than that, twice, or is
-    /// nothing that a sensor can have measured (a rate that is not finite, an image without pixels)
-    /// is left out and counted. Observations of other sensors and kinds are passed over. What comes
-    /// before both the camera and the IMU are known waits for them. Throws InputError for images
-    /// without calibration, and if the first 10 s know only one of the two: both end the estimate.
+    /// nothing that a sensor can have measured (a rate that is not finite, an image without pixels
+    /// or of another size than those before) is left out and counted. Observations of other sensors
+    /// and kinds are passed over. What comes before both the camera and the IMU are known waits for
+    /// them. Throws InputError for images without calibration, for a first image that has not its
+    /// calibration's size, and if the first 10 s know only one of the two: each ends the estimate.
     void process(const mrpt::obs::CObservation& observation);
     /// Call once after the last one. Throws InputError, with the last status, where no pose has
     /// been estimated, and where the batch estimate has not converged.

@@ -66,6 +66,17 @@ inline void write(const Written& recording, const std::string& file) {
     writer.finish();
 }
 
+/// Images of 640 x 240 px.
+inline const Written& demo() {
+    static const Written recording = [] {
+        Recording file(VIO_SOURCE_DIR "/datasets/demo.rawlog");
+        Written read{file.rig(), {}};
+        while (auto message = file.next()) read.messages.push_back(*message);
+        return read;
+    }();
+    return recording;
+}
+
 /// Changes every reading.
 inline Written with_readings(Written recording, const std::function<void(ImuReading&)>& change) {
     for (Message& message : recording.messages)

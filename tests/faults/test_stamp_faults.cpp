@@ -1,9 +1,7 @@
-// What `run`, `track` and `render` make of stamps that go back, jump, repeat or end, and of images
-// that are not as the others.
+// What `run`, `track` and `render` make of stamps that go back, jump, repeat or end.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "tests/faults/recordings.h"
 #include "tests/unit/read_all.h"
@@ -26,16 +24,6 @@ bool is_image(const Message& message) {
 // The first image, or its features, from the n-th on.
 std::vector<Message>::iterator image_from(std::vector<Message>& messages, int n) {
     return std::find_if(messages.begin() + n, messages.end(), is_image);
-}
-
-const Written& demo() {
-    static const Written recording = [] {
-        Recording file(VIO_SOURCE_DIR "/datasets/demo.rawlog");
-        Written read{file.rig(), {}};
-        while (auto message = file.next()) read.messages.push_back(*message);
-        return read;
-    }();
-    return recording;
 }
 
 class StampFaults : public ::testing::Test {
@@ -150,6 +138,55 @@ TEST_F(StampFaults, TrackAndRenderPassOverRepeatedAndLateMessages) {
     const ProgramResult picture = program("render " + (folder_ / "spoilt.rawlog") + " -o " +
                                           (folder_ / "tracks.png") + " --images 2");
     EXPECT_EQ(picture.exit_code, 0) << picture.err;
+}
+
+// The figure of speed is about the time that images cover.
+TEST_F(StampFaults, HoursWithoutImages) {
+    Written recording = as_written(good_recording());
+    const std::size_t half = recording.messages.size() / 2;
+    for (std::size_t i = half; i < recording.messages.size(); ++i)
+        recording.messages[i] = shifted(recording.messages[i], 7200 * kSecond);
+    const ProgramResult result = run(recording);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const auto json = summary();
+    const double work = json["tracking_s"].get<double>() + json["estimation_s"].get<double>();
+    EXPECT_NEAR(json["real_time_ratio"].get<double>() * work, 239 / 20., 0.2);
+}
+
+// An IMU that is not found in the first 10 s is one that the file has, and the program says so.
+TEST_F(StampFaults, ReadingsBeginAfterTenSeconds) {
+    Written recording = as_written(good_recording());
+    const TimeNs begin = time_of(recording.messages[0]);
+    std::erase_if(recording.messages, [&](const Message& m) {
+        return !is_image(m) && time_of(m) < begin + 11 * kSecond;
+    });
+    expect_one_line(run(recording), {"no IMU readings in the first 10 s"});
+    const ProgramResult alone = run(recording, "--sensors image");
+    EXPECT_EQ(alone.exit_code, 0) << alone.err;
+    EXPECT_NE(alone.out.find("also in the file: IMU 'imu0'; not used"), std::string::npos)
+        << alone.out;
+}
+
+// What is passed over for its label is named.
+TEST_F(StampFaults, ASecondCameraAndImuAreNamed) {
+    const Written good = as_written(good_recording());
+    write(good, folder_ / "good.rawlog");
+    RawlogWriterOptions labels;
+    labels.camera_label = "right";
+    labels.imu_label = "imu1";
+    {
+        RawlogWriter writer(folder_ / "others.rawlog", good.rig, labels);
+        for (std::size_t i = 0; i < 100; ++i) writer.write(good.messages[i]);
+        writer.finish();
+    }
+    std::ofstream(folder_ / "both.rawlog", std::ios::binary)
+        << read_text(folder_ / "good.rawlog") << read_text(folder_ / "others.rawlog");
+    const ProgramResult result =
+        program("run " + (folder_ / "both.rawlog") + " -o " + (folder_ / "both"));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("also in the file: camera 'right', IMU 'imu1'; not used"),
+              std::string::npos)
+        << result.out;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "libvio/camera/fisheye.h"
 #include "libvio/camera/perspective.h"
+#include "libvio/io/image_depth.h"
 #include "libvio/io/recording.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -321,12 +322,13 @@ TEST_F(Ros2Import, CompressedImagesAreDecoded) {
     EXPECT_TRUE(Recording(out()).rig().camera);
 }
 
+// In 8 bits, of 16 the highest.
 cv::Mat decoded(const char* encoding, int width, int step, const Blob& pixels,
                 bool big_endian = false) {
     const Blob data = image_data(kBagStart, width, 4, encoding, big_endian, step, pixels);
     Cdr cdr(data, "here");
     read_header(cdr);
-    return read_image(cdr);
+    return BitDepth(16).to_8_bit(read_image(cdr));
 }
 
 TEST(Ros2Messages, EveryEncodingBecomesGrey) {

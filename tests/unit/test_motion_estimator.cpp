@@ -1,6 +1,7 @@
 // Estimators made by name give what the library's own give, and bear what robots do to them.
 #include <gtest/gtest.h>
 #include <mrpt/obs/CObservationGPS.h>
+#include <mrpt/obs/CObservationImage.h>
 #include <mrpt/rtti/CObject.h>
 
 #include <algorithm>
@@ -368,6 +369,54 @@ TEST(MotionEstimator, LeavesOutWhatNoSensorCanHaveMeasuredAndLogsIt) {
     ASSERT_EQ(news.size(), estimator->status().size());
     EXPECT_NE(news[0].find("started from a prefix"), std::string::npos) << news[0];
     EXPECT_TRUE(estimator->newest_pose());
+}
+
+mrpt::obs::CObservationImage observation_of(const cv::Mat& image, TimeNs t) {
+    mrpt::obs::CObservationImage observation;
+    observation.sensorLabel = "cam";
+    observation.timestamp = to_mrpt(t);
+    observation.image = mrpt::img::CImage(image, mrpt::img::DEEP_COPY);
+    return observation;
+}
+
+// Images that are not of their calibration's size end the estimate, also those that waited for the
+// IMU; one among others that fit is left out, as is one of more bits than the first.
+TEST(MotionEstimator, TellsImagesThatAreNotAsTheOthers) {
+    const test::ScratchFolder scratch;
+    std::ofstream(scratch / "camera.ini")
+        << "[camera]\nmodel = perspective\nwidth = 64\nheight = 48\nfx = 60\nfy = 60\n"
+           "cx = 32\ncy = 24\n";
+    const auto make = [&] {
+        const auto estimator = made("vio::RecursiveEstimator");
+        estimator->set_calibration(scratch / "camera.ini");
+        return estimator;
+    };
+    const auto image = [](int width, int value) {
+        return cv::Mat(48, width, CV_16UC1, cv::Scalar(value));
+    };
+    const TimeNs t = from_seconds(1000), step = from_seconds(0.05);
+    const auto reading = observation_of(ImuReading{t + step, {0, 0, 0}, {0, 0, 9.8}}, Rig());
+    const auto mistaken = make();
+    mistaken->process(observation_of(image(32, 1000), t));
+    const std::string why = test::error_of([&] { mistaken->process(reading); });
+    EXPECT_NE(why.find("32x48 px, its calibration 64x48; give the matching"), std::string::npos)
+        << why;
+
+    const auto estimator = make();
+    estimator->process(observation_of(image(64, 1000), t));  // 10 bits
+    estimator->process(reading);
+    estimator->process(observation_of(image(32, 1000), t + 2 * step));
+    EXPECT_EQ(estimator->left_out().unusable, 1);
+    estimator->process(observation_of(image(64, 1024), t + 3 * step));
+    EXPECT_EQ(estimator->left_out().unusable, 2);
+    estimator->process(observation_of(image(64, 1023), t + 4 * step));
+    EXPECT_EQ(estimator->left_out().unusable, 2);
+    const auto stated = make();
+    stated->set_bit_depth(12);
+    stated->process(observation_of(image(64, 1000), t));
+    stated->process(observation_of(image(64, 4095), t + 3 * step));
+    EXPECT_EQ(stated->left_out().unusable, 0);
+    EXPECT_THROW(make()->set_bit_depth(17), InputError);
 }
 
 TEST(MotionEstimator, TakesNoOptionsOnceObservationsHaveCome) {
