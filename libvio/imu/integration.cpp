@@ -1,6 +1,7 @@
 #include "libvio/imu/integration.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "libvio/base/errors.h"
@@ -8,6 +9,24 @@
 
 namespace vio {
 namespace {
+
+// Of G1 = I + S/divisor[0] + S^2/divisor[1] and G2 = I/2 + S/divisor[1] + S^2/divisor[2]; slope:
+// derivatives of the inverse divisors by the angle, over the angle.
+struct Coefficients {
+    double divisor[3] = {2, 6, 24}, slope[3] = {-1. / 12, -1. / 60, -1. / 360};
+
+    explicit Coefficients(double angle2) {
+        constexpr double kSmall = 0.03;  // [rad]: what the divisors above leave out is 1e-6 of a
+        if (angle2 < kSmall * kSmall) return;
+        const double angle = std::sqrt(angle2), s = std::sin(angle), c = std::cos(angle);
+        const double value[] = {(1 - c) / angle2, (angle - s) / (angle2 * angle),
+                                (angle2 / 2 - 1 + c) / (angle2 * angle2)};
+        for (int i = 0; i < 3; ++i) divisor[i] = 1 / value[i];
+        slope[0] = (s / angle - 2 * value[0]) / angle2;
+        slope[1] = (value[0] - 3 * value[1]) / angle2;
+        slope[2] = (value[1] - 4 * value[2]) / angle2;
+    }
+};
 
 bool earlier(const ImuReading& reading, TimeNs t) {
     return reading.t < t;
@@ -27,8 +46,9 @@ void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Ve
     const Eigen::Vector3d phi = unbiased.gyro * dt;
     const Eigen::Vector3d& a = unbiased.accel;
     const Eigen::Vector3d phi_a = phi.cross(a), phi_phi_a = phi.cross(phi_a);
-    const Eigen::Vector3d a1 = a + phi_a / 2 + phi_phi_a / 6;
-    const Eigen::Vector3d a2 = a / 2 + phi_a / 6 + phi_phi_a / 24;
+    const Coefficients c(phi.squaredNorm());
+    const Eigen::Vector3d a1 = a + phi_a / c.divisor[0] + phi_phi_a / c.divisor[1];
+    const Eigen::Vector3d a2 = a / 2 + phi_a / c.divisor[1] + phi_phi_a / c.divisor[2];
     const Eigen::Matrix3d dR = so3::exp(phi);
 
     if (jacobian) {
@@ -42,11 +62,16 @@ void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Ve
         F.block<3, 3>(3, 0) = -R * so3::skew(a2) * (dt * dt);
         F.block<3, 3>(3, 6).diagonal().setConstant(dt);
         F.block<3, 3>(6, 0) = -R * so3::skew(a1) * dt;
-        jacobian->G_gyro << so3::right_jacobian(phi) * dt, R * (dA / 6 + dSA / 24) * (dt * dt * dt),
-            R * (dA / 2 + dSA / 6) * (dt * dt);
+        const auto derivative = [&](int i) -> Eigen::Matrix3d {  // of phi x a / d_i + ...
+            return dA / c.divisor[i] + dSA / c.divisor[i + 1] +
+                   (c.slope[i] * phi_a + c.slope[i + 1] * phi_phi_a) * phi.transpose();
+        };
+        jacobian->G_gyro << so3::right_jacobian(phi) * dt, R * derivative(1) * (dt * dt * dt),
+            R * derivative(0) * (dt * dt);
         const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
-        jacobian->G_accel << Eigen::Matrix3d::Zero(), R * (I / 2 + S / 6 + S2 / 24) * (dt * dt),
-            R * (I + S / 2 + S2 / 6) * dt;
+        jacobian->G_accel << Eigen::Matrix3d::Zero(),
+            R * (I / 2 + S / c.divisor[1] + S2 / c.divisor[2]) * (dt * dt),
+            R * (I + S / c.divisor[0] + S2 / c.divisor[1]) * dt;
     }
 
     state.p += state.v * dt + g_W * (dt * dt / 2) + state.R * a2 * (dt * dt);

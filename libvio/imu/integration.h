@@ -8,8 +8,9 @@
 //   p <- p + v dt + g dt^2/2 + R G2(phi) a dt^2                        Eq. (10)
 //   v <- v + g dt + R G1(phi) a dt                                     Eqs. (9), (11)
 // The paper takes a constant in the world (G1 = I, G2 = I/2); it is the body that it is constant
-// in, so the exact integrals are used: G1 = I + S/2 + S^2/6, G2 = I/2 + S/6 + S^2/24 with
-// S = skew(phi), to O(phi^3).
+// in, so the exact integrals are used, with S = skew(phi) and |phi| = f:
+//   G1 = I + (1 - cos f)/f^2 S + (f - sin f)/f^3 S^2            = I + S/2 + S^2/6 + O(f^3)
+//   G2 = I/2 + (f - sin f)/f^3 S + (f^2/2 - 1 + cos f)/f^4 S^2  = I/2 + S/6 + S^2/24 + O(f^3)
 #pragma once
 
 #include <Eigen/Dense>

@@ -39,29 +39,48 @@ class Imu : public ::testing::Test {
 };
 
 TEST_F(Imu, StepJacobianMatchesCentralDifferences) {
-    const InertialState start = random_state();
-    const ImuSegment segment{0.02, random(3), random(10)};
-    IntegrationJacobian J;
-    InertialState nominal = start;
-    integrate(nominal, segment, g_, &J);
-    const auto F = numeric_jacobian<9, 9>([&](const Vector9d& d) {
-        InertialState s = boxplus(start, d);
-        integrate(s, segment, g_);
-        return boxminus(s, nominal);
-    });
-    const auto G_gyro = numeric_jacobian<9, 3>([&](const Eigen::Vector3d& d) {
-        InertialState s = start;
-        integrate(s, {segment.dt, segment.gyro + d, segment.accel}, g_);
-        return boxminus(s, nominal);
-    });
-    const auto G_accel = numeric_jacobian<9, 3>([&](const Eigen::Vector3d& d) {
-        InertialState s = start;
-        integrate(s, {segment.dt, segment.gyro, segment.accel + d}, g_);
-        return boxminus(s, nominal);
-    });
-    EXPECT_LT((J.F - F).cwiseAbs().maxCoeff(), 1e-8);
-    EXPECT_LT((J.G_gyro - G_gyro).cwiseAbs().maxCoeff(), 1e-8);
-    EXPECT_LT((J.G_accel - G_accel).cwiseAbs().maxCoeff(), 1e-8);
+    for (const double dt : {0.02, 1.0}) {
+        const InertialState start = random_state();
+        const ImuSegment segment{dt, random(3), random(10)};
+        IntegrationJacobian J;
+        InertialState nominal = start;
+        integrate(nominal, segment, g_, &J);
+        const auto F = numeric_jacobian<9, 9>([&](const Vector9d& d) {
+            InertialState s = boxplus(start, d);
+            integrate(s, segment, g_);
+            return boxminus(s, nominal);
+        });
+        const auto G_gyro = numeric_jacobian<9, 3>([&](const Eigen::Vector3d& d) {
+            InertialState s = start;
+            integrate(s, {segment.dt, segment.gyro + d, segment.accel}, g_);
+            return boxminus(s, nominal);
+        });
+        const auto G_accel = numeric_jacobian<9, 3>([&](const Eigen::Vector3d& d) {
+            InertialState s = start;
+            integrate(s, {segment.dt, segment.gyro, segment.accel + d}, g_);
+            return boxminus(s, nominal);
+        });
+        EXPECT_LT((J.F - F).cwiseAbs().maxCoeff(), 1e-8);
+        EXPECT_LT((J.G_gyro - G_gyro).cwiseAbs().maxCoeff(), 1e-8);
+        EXPECT_LT((J.G_accel - G_accel).cwiseAbs().maxCoeff(), 1e-8);
+    }
+}
+
+// However far it turns: angles of 0.005 to 20 rad, one step against many.
+TEST_F(Imu, AStepIsTheLimitOfManySmallOnes) {
+    constexpr int kSteps = 20000;
+    for (const double dt : {0.005, 0.025, 0.05, 0.2, 1.0, 20.0}) {
+        const ImuSegment segment{dt, Eigen::Vector3d(0.6, -0.5, 0.65), random(10)};
+        const InertialState start = random_state();
+        InertialState once = start, often = start;
+        integrate(once, segment, g_);
+        for (int i = 0; i < kSteps; ++i)
+            integrate(often, {dt / kSteps, segment.gyro, segment.accel}, g_);
+        EXPECT_LT(boxminus(once, often).head<3>().norm(), 1e-9) << dt;
+        const double bound = 1.2e-6 * segment.accel.norm();
+        EXPECT_LT((once.p - often.p).norm(), bound * dt * dt) << dt;
+        EXPECT_LT((once.v - often.v).norm(), bound * dt) << dt;
+    }
 }
 
 TEST_F(Imu, PreintegrationPredictsAsStepwiseIntegrationDoes) {
