@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "libvio/base/squared.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/recursive/body_frame.h"
 
@@ -21,10 +22,6 @@ Matrix3d level_attitude(const Vector3d& f_B) {
     return (Eigen::AngleAxisd(pitch, Vector3d::UnitY()) *
             Eigen::AngleAxisd(roll, Vector3d::UnitX()))
         .toRotationMatrix();
-}
-
-double squared(double x) {
-    return x * x;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "libvio/base/median.h"
+#include "libvio/base/squared.h"
 #include "libvio/geometry/so3.h"
 
 namespace vio {
@@ -91,10 +92,6 @@ Integrated integrated_gyro(const std::vector<ImuSegment>& segments, const Vector
     sum.mean_R = (sum.R.transpose() * sum.mean_R / sum.seconds).eval();
     sum.mean_force = (sum.R.transpose() * sum.mean_force / sum.seconds).eval();
     return sum;
-}
-
-double squared(double x) {
-    return x * x;
 }
 
 }  // namespace

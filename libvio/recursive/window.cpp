@@ -133,7 +133,6 @@ Window::Outcome Window::use(FilterState& state, int image_idx, int leaving) {
         }
         it = done ? tracks_.erase(it) : std::next(it);
     }
-    for (const Split& point : new_landmarks) outcome.landmarks.push_back(point.id);
     if (!new_landmarks.empty()) augment(state, new_landmarks);
     if (!options_.cameras_exact)
         std::move(new_landmarks.begin(), new_landmarks.end(), std::back_inserter(used));

@@ -39,8 +39,7 @@ class Window {
 
     /// What an image's update from the window has used.
     struct Outcome {
-        int used = 0, rejected = 0;        ///< points, new landmarks included
-        std::vector<FeatureId> landmarks;  ///< new ones
+        int used = 0, rejected = 0;  ///< points, new landmarks included
     };
     /// Uses the features whose tracks have ended, are precise enough to become landmarks, or are
     /// about to lose their oldest sight; updates and augments the state. leaving: image whose clone

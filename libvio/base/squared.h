@@ -1,0 +1,9 @@
+#pragma once
+
+namespace vio {
+
+inline double squared(double x) {
+    return x * x;
+}
+
+}  // namespace vio
