@@ -108,6 +108,7 @@ void Iekf::Impl::process_image(const TimedFrame& image) {
     judge(image.frame.t);
     know_mount(state->mount());
     report(image.frame.t, used);
+    if (restarting) note_coasting(image.frame.t);
     result.innovations.push_back(innovations);
     follow_keyframes(image.frame);
 }

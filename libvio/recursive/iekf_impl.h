@@ -74,13 +74,16 @@ struct Iekf::Impl {
     }
     bool unseen(TimeNs t) const { return to_seconds(t - last_good) > options.lost_after_seconds; }
     double known_velocity() const;
+    double velocity_limit(double sigma) const;
     std::string velocity_known(double limit) const;
     bool restarts() const { return use_imu && options.motion == "imu_driven"; }
     void abandon_if_blind(TimeNs t);
     void abandon(TimeNs t, const std::string& why);
     bool contradicts();
     void judge(TimeNs t);
+    StateEstimate body_at(TimeNs t, int features) const;
     void report(TimeNs t, int features);
+    void note_coasting(TimeNs t);
     CoreState core_at(TimeNs t, Matrix15d& P) const;
     void add_mounting(StateEstimate& body, const Eigen::Vector3d& omega_I) const;
     void follow_keyframes(const FeatureFrame& frame);
@@ -90,7 +93,7 @@ struct Iekf::Impl {
     void give_up(const std::vector<bool>& remove);
     void log(TimeNs t, std::string text) {
         if (status.size() >= kMostStatus) status.erase(status.begin());
-        status.push_back({t, std::move(text)});
+        status.push_back({t, std::move(text), told++});
     }
     TimeNs camera_time(TimeNs t_imu) const { return t_imu - from_seconds(rig.time_offset); }
 
@@ -151,6 +154,7 @@ struct Iekf::Impl {
     std::map<FeatureId, LandmarkEstimate> landmark_estimates;
     static constexpr std::size_t kMostStatus = 10000;
     std::vector<StatusEntry> status;
+    std::int64_t told = 0;  // status entries, those forgotten too
 };
 
 }  // namespace vio

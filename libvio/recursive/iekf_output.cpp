@@ -47,10 +47,8 @@ void Iekf::Impl::add_mounting(StateEstimate& body, const Vector3d& omega_I) cons
     body.covariance.topLeftCorner<9, 9>() += J * variance.asDiagonal() * J.transpose();
 }
 
-// Adds the state to the result, once for each time.
-void Iekf::Impl::report(TimeNs t, int features) {
-    if (t <= last_report) return;
-    last_report = t;
+// State of the body at t.
+StateEstimate Iekf::Impl::body_at(TimeNs t, int features) const {
     const Vector3d omega_I = !use_imu ? Vector3d(Vector3d::Zero())
                              : state->core_size() == static_cast<int>(CoreKind::smooth)
                                  ? state->core().omega_I
@@ -64,16 +62,25 @@ void Iekf::Impl::report(TimeNs t, int features) {
     add_mounting(out, omega_I);
     out.lost = lost || image_missing(t);
     out.features = features;
-    result.states.push_back(out);
-    if (restarting) {
-        coasted.insert({t, out});
-        while (static_cast<int>(coasted.size()) > 4 * options.prefix_images)
-            coasted.erase(coasted.begin());
-    }
+    return out;
+}
+
+// Adds the state to the result, once for each time.
+void Iekf::Impl::report(TimeNs t, int features) {
+    if (t <= last_report) return;
+    last_report = t;
+    result.states.push_back(body_at(t, features));
     if (state->core_size() > kGravity) {
         result.g_W = state->core().g_W;
         result.gravity_covariance = state->core_covariance().block<3, 3>(kGravity, kGravity);
     }
+}
+
+// For a new start that begins at this image to join on to.
+void Iekf::Impl::note_coasting(TimeNs t) {
+    coasted.insert({t, body_at(t, used)});
+    while (static_cast<int>(coasted.size()) > 4 * options.prefix_images)
+        coasted.erase(coasted.begin());
 }
 
 std::optional<RefinedRig> Iekf::refined_rig() const {

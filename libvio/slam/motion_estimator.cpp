@@ -2,6 +2,7 @@
 
 #include <mrpt/img/CImage.h>
 
+#include <algorithm>
 #include <deque>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
@@ -62,9 +63,9 @@ struct MotionEstimator::Impl {
     std::deque<Message> waiting;   // for the sensors to be known
     std::optional<Course> course;  // once they are
     Estimate shown;
-    bool begun = false;  // an observation has come
-    int unusable = 0;    // observations
-    size_t logged = 0;   // of the estimator's status
+    bool begun = false;       // an observation has come
+    int unusable = 0;         // observations
+    std::int64_t logged = 0;  // of the estimator's status
 
     // What may still be changed; throws InputError afterwards.
     Settings& before_the_first() {
@@ -209,9 +210,11 @@ void MotionEstimator::finish() {
 void MotionEstimator::log_news() {
     if (!impl_->course) return;
     const auto& status = impl_->course->estimator().status();
-    for (; impl_->logged < status.size(); ++impl_->logged) {
-        const StatusEntry& entry = status[impl_->logged];
-        MRPT_LOG_INFO_STREAM(format_seconds(entry.t) << " s: " << entry.text);
+    const auto known = [&](const StatusEntry& entry) { return entry.number < impl_->logged; };
+    auto fresh = std::find_if(status.rbegin(), status.rend(), known).base();
+    for (; fresh != status.end(); ++fresh) {
+        MRPT_LOG_INFO_STREAM(format_seconds(fresh->t) << " s: " << fresh->text);
+        impl_->logged = fresh->number + 1;
     }
 }
 

@@ -293,6 +293,30 @@ TEST(MotionEstimator, SaysAtTheEndWhyItHasNoPose) {
     EXPECT_EQ(message_of("vio::BatchEstimator", {"batch.start=auto"}), "");
 }
 
+// The estimator keeps the last entries of its status alone; the log misses none.
+TEST(MotionEstimator, LogsWithoutEnd) {
+    const auto estimator = follower();
+    int logged = 0;
+    estimator->logRegisterCallback([&](std::string_view, mrpt::system::VerbosityLevel,
+                                       std::string_view, mrpt::Clock::time_point) { ++logged; });
+    const auto run = short_run();
+    for_each_observation(run, [&](const auto& observation) { estimator->process(observation); });
+    ASSERT_TRUE(estimator->newest_pose());
+    // Then readings with a gap between any two, of which each is told.
+    FeatureFrame frame{run.readings.back().t, {}};
+    ImuReading reading = run.readings.back();
+    constexpr int kGaps = 10'100;
+    for (int i = 0; i < kGaps; ++i) {
+        frame.t += 200'000'000;
+        reading.t = frame.t + 50'000'000;
+        estimator->process(observation_of(frame, run.rig));
+        estimator->process(observation_of(reading, run.rig));
+    }
+    ASSERT_EQ(estimator->status().size(), 10'000u);
+    EXPECT_EQ(estimator->status().back().number, logged - 1);
+    EXPECT_GT(logged, 10'050);
+}
+
 TEST(MotionEstimator, MarksPosesThatCoast) {
     auto run = short_run();
     const TimeNs dark = run.frames[80].t, light = dark + 600'000'000;
