@@ -1,5 +1,8 @@
 #include "libvio/recursive/body_frame.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "libvio/geometry/so3.h"
 
 namespace vio {
@@ -29,6 +32,18 @@ CoreState imu_state(const StateEstimate& body, const Pose& T_B_I, const Eigen::V
     core.gyro_bias = body.gyro_bias;
     core.accel_bias = body.accel_bias;
     return core;
+}
+
+// R^T v where R has the error theta, v the error dv: R^T v + R^T dv + (R^T v) x theta. But for the
+// frame that is the right-invariant filter's own error of velocity.
+double velocity_sigma(const Eigen::Matrix3d& R_W_B, const Eigen::Vector3d& v_W,
+                      const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+    const Eigen::Matrix3d R_B_W = R_W_B.transpose();
+    Eigen::Matrix<double, 3, 9> J = Eigen::Matrix<double, 3, 9>::Zero();
+    J.block<3, 3>(0, kRotation) = so3::skew(R_B_W * v_W);
+    J.block<3, 3>(0, kVelocity) = R_B_W;
+    const Eigen::Matrix3d P = J * covariance.topLeftCorner<9, 9>() * J.transpose();
+    return std::sqrt(std::max(0.0, P.diagonal().maxCoeff()));
 }
 
 }  // namespace vio

@@ -15,4 +15,10 @@ StateEstimate body_state(const CoreState& core, const Pose& T_I_B, const Eigen::
 /// The inverse, without time and covariance.
 CoreState imu_state(const StateEstimate& body, const Pose& T_B_I, const Eigen::Vector3d& omega_I);
 
+/// Largest standard deviation of the velocity's components in the moving frame itself [m/s]: there
+/// the error of yaw, which nothing can observe, has no part in it, however fast the motion.
+/// covariance: of errors in StateIndex order, at least up to velocity.
+double velocity_sigma(const Eigen::Matrix3d& R_W_B, const Eigen::Vector3d& v_W,
+                      const Eigen::Ref<const Eigen::MatrixXd>& covariance);
+
 }  // namespace vio

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "libvio/geometry/so3.h"
+#include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/transpose.h"
 
 namespace vio {
@@ -219,6 +220,14 @@ void FilterState::inflate(int slot, double rotation, double position, double vel
                 position * position;
         }
     if (core_size_ > kVelocity) P_.diagonal().segment<3>(kVelocity).array() += velocity * velocity;
+}
+
+// errors_in_variables.h is of first order: after a while without images, corrections of velocity
+// are too large for it.
+bool FilterState::trusts_sensitivity() const {
+    constexpr double kKnown = 0.05, kShare = 0.025;  // [m/s], of the speed
+    return in_variables_ && velocity_sigma(core_.T_W_I.R, core_.v_W, core_covariance()) <=
+                                std::max(kKnown, kShare * core_.v_W.norm());
 }
 
 // ---- Which parts there are ----------------------------------------------------------------------

@@ -217,9 +217,9 @@ class FilterState {
                                      Eigen::Index size) const;
     template <typename Rows>
     Eigen::VectorXd sensitivity_change(const Rows& H, const Eigen::VectorXd& weight) const;
-    void doubt_sensitivity();
+    bool trusts_sensitivity() const;
     template <typename Rows>
-    void update_sensitivity(const Rows& H);
+    void update_sensitivity(const Rows& H, bool trusted);
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;

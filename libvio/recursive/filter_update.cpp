@@ -183,9 +183,10 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     std::vector<PointRows> rows;
     VectorXd delta = VectorXd::Zero(size_), residual, weight, next;
     const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
-    doubt_sensitivity();
+    const bool sensitive = trusts_sensitivity();
     const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
     VectorXd from_noise;
+    InnovationSums innovations = innovations_;
     int iteration = 0;
     while (true) {
         linearise(delta, &rows);
@@ -197,19 +198,19 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         gain(rows);
         if (iteration > 0 && reading.size() > 0) {
             VectorXd scale_change = scale_direction(delta) - scale_before;
-            if (in_variables_) scale_change += from_noise;
+            if (sensitive) scale_change += from_noise;
             change_gain(applied(rows, scale_change), reading);
             residual += reading.dot(delta) * u_;
         }
         if (!factorize()) return 0;
         weight = weighted(residual);
-        if (iteration == 0) innovations_.add(residual, residual.dot(weight));
+        if (iteration == 0) innovations.add(residual, residual.dot(weight));
         next.noalias() = PHt_ * weight;
-        if (in_variables_) from_noise = sensitivity_change(rows, weight);
+        if (sensitive) from_noise = sensitivity_change(rows, weight);
         ++iteration;
         if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
             // The rows are good as they are, but for the scale's sensitivity.
-            if (in_variables_ && reading.size() > 0) {
+            if (sensitive && reading.size() > 0) {
                 change_gain(applied(rows, from_noise), reading);
                 if (!factorize()) return 0;
                 weight = weighted(residual + reading.dot(next) * u_);
@@ -223,8 +224,9 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         delta.swap(next);
         if (iteration >= max_iterations || change < kConverged) break;
     }
+    innovations_ = innovations;
     reduce_covariance(rows, reading);
-    if (in_variables_) update_sensitivity(rows);
+    update_sensitivity(rows, sensitive);
     correct(delta, from_noise);
     return iteration;
 }
@@ -280,16 +282,16 @@ MatrixXd FilterState::times_transpose(const MatrixXd& M, const MatrixXd& H) cons
 
 void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     const blas::Serial serial;
-    doubt_sensitivity();
+    const bool sensitive = trusts_sensitivity();
     gain(H);
     if (!factorize()) return;
     const VectorXd weight = weighted(residual);
     innovations_.add(residual, residual.dot(weight));
     const VectorXd delta = PHt_ * weight;
     VectorXd from_noise;
-    if (in_variables_) from_noise = sensitivity_change(H, weight);
+    if (sensitive) from_noise = sensitivity_change(H, weight);
     reduce_covariance();
-    if (in_variables_) update_sensitivity(H);
+    update_sensitivity(H, sensitive);
     correct(delta, from_noise);
 }
 
@@ -303,17 +305,11 @@ VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) 
     return change;
 }
 
-// errors_in_variables.h is of first order: after a while without images, corrections of velocity
-// are too large for it.
-void FilterState::doubt_sensitivity() {
-    constexpr double kKnown = 0.05;  // [m/s]
-    if (in_variables_ && P_.diagonal().segment<3>(kVelocity).maxCoeff() > kKnown * kKnown)
-        in_variables_->forget();
-}
-
-// For the update whose factors are in the work space.
+// For the update whose factors are in the work space; not trusted: nothing of it is kept.
 template <typename Rows>
-void FilterState::update_sensitivity(const Rows& H) {
+void FilterState::update_sensitivity(const Rows& H, bool trusted) {
+    if (!in_variables_) return;
+    if (!trusted) return in_variables_->forget();
     auto gain = PHt_.topRows(in_variables_->size());
     blas::divide_by_transpose(L_, gain);
     in_variables_->update(gain, [&](const MatrixXd& M) { return times_transpose(M, H); });

@@ -1,6 +1,7 @@
 // Recursive estimator (section 5 of the paper): multirate iterated extended Kalman filter.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,7 +28,7 @@ struct IekfOptions {
 
     std::string start = "auto";  ///< auto | prefix | rest
     int prefix_images = 60;
-    double start_velocity_sigma = 0.2;  ///< [m/s]
+    double start_velocity_sigma = 0.2;  ///< [m/s], as all limits of velocity in the body frame
     double start_tilt_sigma = 0.1;      ///< [rad]
     double start_wanted_tilt = 2e-3;    ///< sigma [rad] that a start waits for
     double start_scale_sigma = 0.25;    ///< share
@@ -55,10 +56,15 @@ struct IekfOptions {
     double lost_after_seconds = 0.5;    ///< [s]
     double lost_velocity_sigma = 1;     ///< less certain velocity is not known [m/s]
     double blind_velocity_sigma = 0.2;  ///< the same without points in sight [m/s]
+    double usual_speed = 2;             ///< [m/s], beyond which limits of velocity grow with it
     double message_window = 0.1;        ///< [s]
     std::string output = "images";      ///< images | readings: at which there is a state
 
     void describe(OptionSet& options);
+    /// One of the limits of velocity's uncertainty, at a speed [m/s].
+    double velocity_limit(double sigma, double speed) const {
+        return sigma * std::max(1.0, speed / usual_speed);
+    }
 };
 
 /// Feed measurements in any order within IekfOptions::message_window; read the trajectory.

@@ -1,6 +1,7 @@
 // Whether the motion is known: lost, blind, contradicted.
 #include <cstdio>
 
+#include "libvio/recursive/body_frame.h"
 #include "libvio/recursive/iekf_impl.h"
 
 namespace vio {
@@ -23,7 +24,7 @@ void Iekf::Impl::judge(TimeNs t) {
         window.clear();
     }
     if (used >= options.min_features) last_good = t;
-    const bool unsure = known_velocity() > options.lost_velocity_sigma;
+    const bool unsure = known_velocity() > velocity_limit(options.lost_velocity_sigma);
     const bool now_lost = unseen(t) || unsure || abandoned || after_gap;
     const auto why = [&] { return velocity_known(options.lost_velocity_sigma); };
     if (now_lost != lost)
@@ -47,7 +48,8 @@ void Iekf::Impl::judge(TimeNs t) {
 // Coasting without points can make the state so uncertain that updates would be linearised far from
 // the truth, and believe in their errors.
 void Iekf::Impl::abandon_if_blind(TimeNs t) {
-    if (restarts() && !abandoned && unseen(t) && known_velocity() > options.blind_velocity_sigma)
+    if (restarts() && !abandoned && unseen(t) &&
+        known_velocity() > velocity_limit(options.blind_velocity_sigma))
         abandon(t, "no points in sight, " + velocity_known(options.blind_velocity_sigma));
 }
 
@@ -62,13 +64,19 @@ void Iekf::Impl::abandon(TimeNs t, const std::string& why) {
 std::string Iekf::Impl::velocity_known(double limit) const {
     char text[160];
     std::snprintf(text, sizeof text, "velocity known to %.2g m/s, limit %.2g m/s", known_velocity(),
-                  limit);
+                  velocity_limit(limit));
     return text;
 }
 
-// Standard deviation of the velocity [m/s].
+// Standard deviation of the velocity, as the IMU feels it [m/s].
 double Iekf::Impl::known_velocity() const {
-    return use_imu ? velocity_sigma(state->core_covariance()) : 0;
+    if (!use_imu) return 0;
+    const CoreState& core = state->core();
+    return velocity_sigma(core.T_W_I.R, core.v_W, state->core_covariance());
+}
+
+double Iekf::Impl::velocity_limit(double sigma) const {
+    return options.velocity_limit(sigma, state->core().v_W.norm());
 }
 
 // Whether most landmarks of the last images have failed the gate.

@@ -23,7 +23,7 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("prefix_images", &prefix_images, "images", {3, 1000},
                 "images of the batch estimate that starts the filter");
     options.add("start_velocity_sigma", &start_velocity_sigma, "m/s", {1e-3, 100},
-                "largest uncertainty of velocity to start with");
+                "largest uncertainty of velocity, along the axes of the body, to start with");
     options.add("start_tilt_sigma", &start_tilt_sigma, "rad", {1e-4, 1},
                 "largest uncertainty of the direction of gravity to start with");
     options.add("start_wanted_tilt", &start_wanted_tilt, "rad", {0, 1},
@@ -69,6 +69,9 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("blind_velocity_sigma", &blind_velocity_sigma, "m/s", {1e-3, 1e6},
                 "imu_driven: with a less certain velocity after a time without points the state is "
                 "not updated any more until there is a new start");
+    options.add("usual_speed", &usual_speed, "m/s", {1e-2, 1e6},
+                "up to this speed the three limits of velocity's uncertainty are as stated; beyond "
+                "it they grow in proportion to the speed");
     options.add("message_window", &message_window, "s", {0, 10},
                 "measurements may come late by this much");
     options.add("output", &output, {"images", "readings"},

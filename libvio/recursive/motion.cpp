@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libvio/base/squared.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/imu/integration.h"
 
@@ -18,9 +19,25 @@ constexpr int kSmooth = static_cast<int>(CoreKind::smooth);
 constexpr double kLargestGap = 0.1;          // [s]
 constexpr double kUnseenAngularRate = 0.3;   // [rad/s], over the whole gap
 constexpr double kUnseenAcceleration = 1.5;  // [m/s^2]
+// Beyond the first nothing is known of a turn; standard deviation of any angle, pi / sqrt(3).
+constexpr double kUnknownTurn = 1, kAnyTurn = 1.8138;  // [rad]
 
-double squared(double x) {
-    return x * x;
+// Adds to the covariance of an n-fold integrated random walk: x[0] is the walk (variance q per
+// second), x[1] its integral, x[2] the integral of that.
+void add_integrated_walk(CoreMatrix& noise, std::initializer_list<int> offsets, double q,
+                         double dt) {
+    constexpr double kFactorial[] = {1, 1, 2};
+    int i = 0;
+    for (const int a : offsets) {
+        int j = 0;
+        for (const int b : offsets) {
+            const int power = i + j + 1;
+            noise.block<3, 3>(a, b).diagonal().array() +=
+                q * std::pow(dt, power) / (power * kFactorial[i] * kFactorial[j]);
+            ++j;
+        }
+        ++i;
+    }
 }
 
 class ImuDrivenMotion final : public MotionModel {
@@ -31,6 +48,8 @@ class ImuDrivenMotion final : public MotionModel {
                  double interval) const override {
         const double dt = to_seconds(to.t - from.t);
         if (!(dt > 0)) return;
+        const double gap = std::max(dt, interval);
+        if (gap * kUnseenAngularRate > kUnknownTurn) return advance_unseen(state, dt, gap);
         CoreState core = state.core();
         const ImuSegment segment{dt, (from.gyro + to.gyro) / 2 - core.gyro_bias,
                                  (from.accel + to.accel) / 2 - core.accel_bias};
@@ -44,7 +63,6 @@ class ImuDrivenMotion final : public MotionModel {
         double gyro = noise_.gyro_density2(segment.gyro.norm()) / dt;
         double accel = squared(noise_.accel_noise_density) / dt;
         // The same in sum, however many images divide the gap.
-        const double gap = std::max(dt, interval);
         if (gap > kLargestGap) {
             gyro += squared(kUnseenAngularRate) * gap / dt;
             accel += squared(kUnseenAcceleration) * gap / dt;
@@ -73,26 +91,24 @@ class ImuDrivenMotion final : public MotionModel {
     }
 
  private:
+    // Where the body may have turned anyhow, a specific force tells nothing of the motion: it goes
+    // on as it was, and that is ever less certain.
+    void advance_unseen(FilterState& state, double dt, double gap) const {
+        CoreState core = state.core();
+        core.T_W_I.p += core.v_W * dt;
+        CoreMatrix transition = CoreMatrix::Identity(kInertial, kInertial);
+        transition.block<3, 3>(kPosition, kVelocity).diagonal().setConstant(dt);
+        CoreMatrix noise = CoreMatrix::Zero(kInertial, kInertial);
+        const double turn = std::min(kUnseenAngularRate * gap, kAnyTurn);
+        add_integrated_walk(noise, {kRotation}, squared(turn) / gap, dt);
+        add_integrated_walk(noise, {kVelocity, kPosition}, squared(kUnseenAcceleration) * gap, dt);
+        add_integrated_walk(noise, {kGyroBias}, squared(noise_.gyro_bias_random_walk), dt);
+        add_integrated_walk(noise, {kAccelBias}, squared(noise_.accel_bias_random_walk), dt);
+        state.propagate(core, transition, noise);
+    }
+
     ImuNoise noise_;
 };
-
-// Adds to the covariance of an n-fold integrated random walk: x[0] is the walk (variance q per
-// second), x[1] its integral, x[2] the integral of that.
-void add_integrated_walk(CoreMatrix& noise, std::initializer_list<int> offsets, double q,
-                         double dt) {
-    constexpr double kFactorial[] = {1, 1, 2};
-    int i = 0;
-    for (const int a : offsets) {
-        int j = 0;
-        for (const int b : offsets) {
-            const int power = i + j + 1;
-            noise.block<3, 3>(a, b).diagonal().array() +=
-                q * std::pow(dt, power) / (power * kFactorial[i] * kFactorial[j]);
-            ++j;
-        }
-        ++i;
-    }
-}
 
 class SmoothMotion final : public MotionModel {
  public:

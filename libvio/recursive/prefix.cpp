@@ -7,6 +7,7 @@
 
 #include "libvio/base/angles.h"
 #include "libvio/base/chi_square.h"
+#include "libvio/recursive/body_frame.h"
 
 namespace vio {
 namespace {
@@ -72,10 +73,6 @@ double tilt_sigma(const StateEstimate& state) {
     const Eigen::Matrix3d P =
         state.T_W_B.R * state.covariance.topLeftCorner<3, 3>() * state.T_W_B.R.transpose();
     return std::sqrt(std::max(P(0, 0), P(1, 1)));
-}
-
-double velocity_sigma(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-    return std::sqrt(covariance.diagonal().segment<3>(kVelocity).maxCoeff());
 }
 
 Prefix::Prefix(const Rig& rig, const IekfOptions& options, const BatchOptions& batch, bool use_imu)
@@ -240,10 +237,12 @@ std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) c
         return "prefix has no landmarks in its last image";
     if (!result.tail->covariance.allFinite()) return "prefix has no covariance";
     if (!use_imu_) return {};
-    const double velocity = velocity_sigma(result.tail->state.covariance);
-    if (!(velocity <= options_.start_velocity_sigma))
+    const StateEstimate& last = result.tail->state;
+    const double velocity = velocity_sigma(last.T_W_B.R, last.v_W, last.covariance);
+    const double limit = options_.velocity_limit(options_.start_velocity_sigma, last.v_W.norm());
+    if (!(velocity <= limit))
         return printed("prefix velocity uncertain: sigma %.3g m/s, limit %.3g m/s", velocity,
-                       options_.start_velocity_sigma);
+                       limit);
     const double tilt = tilt_sigma(result.tail->state);
     if (!(tilt <= options_.start_tilt_sigma))
         return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,

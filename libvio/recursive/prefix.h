@@ -15,8 +15,6 @@ namespace vio {
 
 /// Standard deviation of the direction of gravity in the body frame [rad].
 double tilt_sigma(const StateEstimate& state);
-/// Largest standard deviation of the velocity's components [m/s]; covariance: in StateIndex order.
-double velocity_sigma(const Eigen::Ref<const Eigen::MatrixXd>& covariance);
 
 /// Collects measurements until a batch estimate of them can start the filter.
 class Prefix {

@@ -1,7 +1,9 @@
 #include "libvio/recursive/start_at_rest.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "libvio/base/squared.h"
 #include "libvio/geometry/alignment.h"
 #include "libvio/recursive/levelled.h"
 
@@ -15,10 +17,10 @@ namespace {
 
 constexpr double kRestVelocity = 0.01;  // [m/s], of what passes for rest
 constexpr double kExact = 1e-6;         // [rad], [m], where the world begins
-
-double squared(double x) {
-    return x * x;
-}
+// Standard deviation of an angle of which nothing is known [rad], pi / sqrt(3).
+constexpr double kAnyYaw = 1.8138;
+// A less certain position [m] would leave no digits to what is known of motion and points.
+constexpr double kAnywhere = 1e4;
 
 }  // namespace
 
@@ -62,7 +64,13 @@ BatchTail continued(const BatchTail& start, const Pose& from, const StateEstimat
     Eigen::Matrix<double, 4, 6> M = Eigen::Matrix<double, 4, 6>::Zero();
     M.block<1, 3>(0, 0) = z.transpose() * known.T_W_B.R;
     M.block<3, 3>(1, 3).setIdentity();
-    const Eigen::Matrix4d common = M * known.covariance.topLeftCorner<6, 6>() * M.transpose();
+    Eigen::Matrix4d common = M * known.covariance.topLeftCorner<6, 6>() * M.transpose();
+    for (int i = 0; i < 4; ++i) {
+        const double share =
+            std::min(1.0, (i == 0 ? kAnyYaw : kAnywhere) / std::sqrt(common(i, i)));
+        common.row(i) *= share;
+        common.col(i) *= share;
+    }
     tail.covariance = turn * start.covariance * turn.transpose();
     tail.covariance += shared * common * shared.transpose();
     tail.covariance = (0.5 * (tail.covariance + tail.covariance.transpose())).eval();

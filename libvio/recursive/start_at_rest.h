@@ -15,7 +15,7 @@ BatchTail start_at_rest(const Stillness& rest, TimeNs t, const Rig& rig,
 
 /// The same start in the world of another estimate: moved by yaw and position so that the pose
 /// `from`, at which the start's own world begins, comes to the pose of the state `known`, whose
-/// uncertainty of yaw and position all of the start then shares.
+/// uncertainty of yaw (at most that of any yaw) and position all of the start then shares.
 BatchTail continued(const BatchTail& start, const Pose& from, const StateEstimate& known);
 
 }  // namespace vio

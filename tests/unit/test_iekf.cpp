@@ -192,6 +192,63 @@ TEST(IekfBodyFrame, JacobianMatchesDifferencesAndInverseReturns) {
     EXPECT_LT(difference(core, back).head<15>().norm(), 1e-12);
 }
 
+// What a turn of the world leaves unknown of the velocity is not counted, all else is: against
+// samples.
+TEST(IekfBodyFrame, UncertaintyOfVelocityIsThatInTheBody) {
+    std::mt19937 random(6);
+    const CoreState core = some_core(random);
+    const Eigen::Matrix3d R = core.T_W_I.R;
+    const Vector3d v = 20 * core.v_W, up = Vector3d::UnitZ();
+    Eigen::Matrix<double, 9, 1> turn = Eigen::Matrix<double, 9, 1>::Zero();
+    turn << R.transpose() * up, up.cross(core.T_W_I.p), up.cross(v);
+    Matrix9d P = turn * turn.transpose();
+    EXPECT_LT(velocity_sigma(R, v, P), 1e-6);  // the root of what rounding leaves
+    P += (Eigen::Matrix<double, 9, 1>() << 1e-6, 4e-6, 9e-6, 1, 1, 1, 1e-4, 4e-4, 9e-4)
+             .finished()
+             .asDiagonal();
+    const Matrix9d L = P.llt().matrixL();
+    Vector3d sum = Vector3d::Zero();
+    constexpr int kSamples = 20000;
+    for (int i = 0; i < kSamples; ++i) {
+        const Eigen::Matrix<double, 9, 1> d = 1e-5 * L * random_vector<9>(random, 1.0);
+        const Vector3d there =
+            (R * so3::exp(d.head<3>())).transpose() * (v + d.tail<3>()) - R.transpose() * v;
+        sum += 1e10 * there.cwiseAbs2();
+    }
+    const double sampled = std::sqrt(sum.maxCoeff() / kSamples);
+    EXPECT_NEAR(velocity_sigma(R, v, P), sampled, 4 * sampled / std::sqrt(2.0 * kSamples));
+}
+
+// No covariance along the inverse distance, which the rows see only where the first iteration has
+// led to.
+TEST(IekfState, AFailedUpdateChangesNothing) {
+    std::mt19937 random(7);
+    FilterState state(CoreKind::inertial, some_core(random), CoreMatrix::Identity(15, 15) * 1e-2,
+                      true);
+    state.clone(1);
+    LandmarkState landmark;
+    landmark.anchor = state.find_clone(1);
+    landmark.point.x = {0.1, 0.2, 0.5};
+    state.augment({landmark}, Eigen::MatrixXd::Zero(3, state.window_size()),
+                  Vector3d(1e-2, 1e-2, -1e-2).asDiagonal());
+    const Eigen::MatrixXd before = state.covariance();
+    int calls = 0;
+    const auto linearise = [&](const Eigen::VectorXd&, std::vector<PointRows>* rows) {
+        PointRows row;
+        row.landmark_idx = row.slot = 0;
+        row.J_pose.setOnes();
+        row.J_anchor.setOnes();
+        row.J_landmark.setOnes();
+        row.J_landmark.col(2).setConstant(++calls > 1 ? 100 : 0);
+        row.residual = {1, 10.0 * calls};
+        *rows = {row};
+    };
+    EXPECT_EQ(state.update(linearise, 3), 0);
+    EXPECT_GT(calls, 1);
+    EXPECT_EQ(state.take_innovations().dof, 0);
+    EXPECT_EQ((state.covariance() - before).norm(), 0);
+}
+
 TEST(IekfChiSquare, QuantilesMatchTables) {
     EXPECT_NEAR(chi_square_quantile(2, 0.99), 9.210, 0.03 * 9.210);
     EXPECT_NEAR(chi_square_quantile(10, 0.95), 18.307, 0.01 * 18.307);
