@@ -15,6 +15,7 @@
 
 #include "app/process.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/timed.h"
 #include "libvio/io/json_text.h"
 #include "libvio/io/recording.h"
 #include "libvio/io/text.h"
@@ -321,8 +322,7 @@ void run_cell(const std::string& folder) {
     } catch (const StepFailed& failure) {
         outcome.message = failure.message;
     }
-    outcome.seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    outcome.seconds = seconds_since(begin);
     write_text(folder + "/outcome.json", json_text(json({{"ok", outcome.ok},
                                                          {"message", outcome.message},
                                                          {"seconds", outcome.seconds},

@@ -43,7 +43,8 @@ ExpectedImages images_of(const std::string& folder) {
     ExpectedImages images;
     if (!summary.is_object()) return images;
     images.image_count = summary.value("images_in_recording", 0);
-    if (summary.contains("images")) images.images_with_pose = summary.value("images", 0);
+    if (summary.contains("images"))
+        images.images_with_pose = summary.value("images", 0) - summary.value("images_lost", 0);
     return images;
 }
 
@@ -148,6 +149,8 @@ JudgedResult read_judged(const std::string& result) {
     judged.has_scale = estimate.has_scale;
     if (!estimate.innovations.empty()) judged.first_update = estimate.innovations.front().t;
     judged.poses = trajectory(estimate);
+    for (const StateEstimate& state : estimate.states)
+        if (state.lost) judged.images.lost.push_back(state.t);
     if (!estimate.has_scale) {  // its covariance is in arbitrary units
         const Rig rig = read_results_rig(result);
         if (rig.camera) judged.T_B_C = rig.T_B_C;
@@ -175,6 +178,7 @@ Evaluation compare(const JudgedResult& result, const Reference& reference,
     how.first_update = result.first_update;
     how.images.image_count = result.images.image_count;
     how.images.images_with_pose = result.images.images_with_pose;
+    how.images.lost = result.images.lost;
     if (!options.rawlog.empty())
         how.images.stamps = image_stamps(options.rawlog, options.camera_label);
     Evaluation evaluation;

@@ -11,12 +11,12 @@
 #include "app/progress.h"
 #include "app/recording_text.h"
 #include "app/run_output.h"
+#include "libvio/base/timed.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/check/recording_check.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
 #include "libvio/slam/course.h"
-#include "libvio/slam/timed.h"
 
 namespace vio::app {
 namespace {
@@ -271,6 +271,7 @@ nlohmann::json to_json(const RunReport& report, const RunRequest& request) {
              {"stated_sigma", unknown.stated_sigma}});
     json["imu_readings"] = report.imu_readings;
     json["images"] = report.images_with_pose;
+    json["images_lost"] = report.images_lost;
     json["images_in_recording"] = report.images + report.dropped_images + report.late_images;
     json["dropped_images"] = report.dropped_images;
     json["repeated_messages"] = report.repeated_messages;
@@ -313,6 +314,7 @@ RunReport run_pipeline(const RunRequest& request) {
     if (output.written().poses == 0) throw without_pose(request, report.damage, run.why_no_pose());
     report.has_scale = output.has_scale();
     report.images_with_pose = output.images_with_pose();
+    report.images_lost = output.images_lost();
     timed(report.input_output_s, [&] { output.finish(to_json(report, request)); });
     summarise(output.written(), report);
     report.picture_problem = timed(report.picture_s, [&] { return output.draw(truth); });

@@ -36,6 +36,7 @@ struct RunRequest {
 struct RunReport {
     int images = 0;             ///< that reached the estimator
     int images_with_pose = 0;   ///< of these
+    int images_lost = 0;        ///< of these, track lost
     int dropped_images = 0;     ///< outside the IMU's readings
     int repeated_messages = 0;  ///< left out: of the same stamp as another of their kind
     int late_messages = 0;      ///< left out: later than IekfOptions::message_window

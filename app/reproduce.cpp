@@ -9,6 +9,7 @@
 #include "app/paper.h"
 #include "app/progress.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/timed.h"
 #include "libvio/io/text.h"
 
 namespace vio::app {
@@ -75,8 +76,7 @@ void run(const Arguments& arguments) {
         arguments.output + "/" + (arguments.names.size() == 1 ? arguments.names[0] : "paper");
     page.write(stem, /*with_markdown=*/true);
     std::cout << read_text(stem + ".md");
-    const double seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = seconds_since(begin);
     std::cout << "page        " << stem << ".html\nruns        " << cells.size() << " in "
               << static_cast<int>(seconds) << " s\n";
 }

@@ -83,6 +83,7 @@ void RunOutput::add(Estimate piece) {
         while (!without_pose_.empty() && without_pose_.front() < state.t) without_pose_.pop_front();
         if (without_pose_.empty() || without_pose_.front() != state.t) continue;
         ++images_with_pose_;
+        images_lost_ += state.lost;
         without_pose_.pop_front();
     }
     writer_.add(piece);

@@ -47,6 +47,7 @@ class RunOutput {
     void set_rig(const Rig& rig);
     const WrittenPath& written() const { return writer_.written(); }
     int images_with_pose() const { return images_with_pose_; }
+    int images_lost() const { return images_lost_; }  ///< of these
     bool has_scale() { return sketch_.estimate().has_scale; }
 
     /// Whether a scene is due, and what it shows beside what has been added: landmarks that are
@@ -66,7 +67,7 @@ class RunOutput {
     std::deque<FeatureFrame> recent_;  // of which the estimator makes key-frames
     long most_recent_;
     std::deque<TimeNs> without_pose_;  // images
-    int images_with_pose_ = 0;
+    int images_with_pose_ = 0, images_lost_ = 0;
     Painter painter_;
     std::unique_ptr<SceneSeries> scenes_;
     bool scene_due_ = false;

@@ -4,6 +4,11 @@
 
 namespace vio {
 
+double chi_square_value(int degrees, double normal_quantile) {
+    const double spread = 2.0 / (9.0 * degrees);
+    return degrees * std::pow(1 - spread + normal_quantile * std::sqrt(spread), 3);
+}
+
 double chi_square_quantile(int degrees, double probability) {
     // Normal quantile by bisection of its distribution function.
     double low = -10, high = 10;
@@ -11,8 +16,7 @@ double chi_square_quantile(int degrees, double probability) {
         const double middle = (low + high) / 2;
         (0.5 * std::erfc(-middle / std::sqrt(2.0)) < probability ? low : high) = middle;
     }
-    const double spread = 2.0 / (9.0 * degrees);
-    return degrees * std::pow(1 - spread + low * std::sqrt(spread), 3);
+    return chi_square_value(degrees, low);
 }
 
 }  // namespace vio

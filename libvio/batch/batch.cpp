@@ -1,9 +1,9 @@
 #include "libvio/batch/batch.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
+#include "libvio/base/timed.h"
 #include "libvio/batch/course.h"
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/observability.h"
@@ -15,12 +15,6 @@ namespace vio {
 using namespace batch;
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point began) {
-    return std::chrono::duration<double>(Clock::now() - began).count();
-}
 
 // Why the start that was tried led nowhere; empty: it did not.
 std::string failure_of_start(const Course& course) {
@@ -42,7 +36,7 @@ std::string failure_of_start(const Course& course) {
            " sigma_px): try another start, or compare sigma_px with the tracks";
 }
 
-BatchReport make_report(const Course& course, Clock::time_point began) {
+BatchReport make_report(const Course& course, SteadyTime began) {
     BatchReport report = course.sums;
     report.converged = course.last.converged;
     report.reason = course.last.reason;
@@ -95,7 +89,7 @@ void judge_solution(const Course& course, const Objective& objective, NormalEqua
 
 BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& options,
                            const std::optional<Estimate>& start, bool want_tail) {
-    const auto began = Clock::now();
+    const auto began = std::chrono::steady_clock::now();
     const RigUnknowns open = rig_unknowns(given.rig, options);
     if (given.imu.empty() && (open.extrinsics || open.time_offset))
         throw InputError(

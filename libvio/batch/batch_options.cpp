@@ -10,7 +10,7 @@ void BatchOptions::describe(OptionSet& o) {
     o.add("fixed_variance", &fixed_variance, "rad^2, m^2, (m/s)^2", {1e-12, 1},
           "variance of rotation, position and velocity when weighting is fixed");
     o.add("gravity", &gravity, {"magnitude", "free"}, "gravity has a known norm, or is free");
-    o.add("gravity_norm", &gravity_norm, "m/s^2", {0, 100}, "norm of gravity");
+    o.add("gravity_norm", &gravity_norm, "m/s^2", {1e-6, 100}, "norm of gravity");
     o.add("bias", &bias, {"random_walk", "constant"}, "biases drift, or are constant (the paper)");
     o.add("accel_bias_sigma", &accel_bias_sigma, "m/s^2", {1e-6, 100},
           "standard deviation of the accelerometer bias, Eq. (12)");

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <thread>
 
+#include "libvio/base/at_once.h"
 #include "libvio/base/blas.h"
 #include "libvio/base/types.h"
 #include "libvio/batch/kernels.h"
@@ -96,9 +96,7 @@ void BlockCholesky::over_fronts(bool upwards, Work work) const {
     };
     const auto halves = [&] {
         if (threads_ > 1 && begin[1] > 0 && begin[2] > begin[1]) {
-            std::thread second([&] { run(1); });
-            run(0);
-            second.join();
+            at_once(2, run);
         } else {
             run(0);
             run(1);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "libvio/base/chi_square.h"
 #include "libvio/base/median.h"
 #include "libvio/batch/growth.h"
 #include "libvio/batch/start.h"
@@ -179,9 +180,7 @@ bool drop_tracks_of_no_point(Course& course) {
             dof += 2;
         }
         if (point.fiducial || dof <= 0) continue;
-        const double spread = 2.0 / (9 * dof);  // Wilson and Hilferty 1931
-        fits.push_back({first, last, squared / dof,
-                        std::pow(1 - spread + kNormalQuantile * std::sqrt(spread), 3)});
+        fits.push_back({first, last, squared / dof, chi_square_value(dof, kNormalQuantile) / dof});
         ratios.push_back(squared / dof);
     }
     if (fits.empty()) return false;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "libvio/base/errors.h"
 #include "libvio/batch/objective.h"
 #include "libvio/batch/parallel.h"
 
@@ -22,6 +23,10 @@ Objective::Interval Objective::make_interval(int i, const ImuBias& bias) const {
         sqrt_information = Matrix9d::Identity() / std::sqrt(options_.fixed_variance);
     } else {
         const Eigen::LLT<Matrix9d> llt(readings.covariance());
+        if (llt.info() != Eigen::Success)
+            throw InputError("image (t = " + std::to_string(model_.times[i + 1]) +
+                             " ns): the noise of the readings since the image before it gives no "
+                             "covariance; are noise densities of the IMU zero?");
         sqrt_information = llt.matrixL().solve(Matrix9d::Identity());
     }
     return {readings, sqrt_information, bias};

@@ -1,31 +1,17 @@
 #include "libvio/batch/minimize.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "libvio/base/timed.h"
 
 namespace vio::batch {
 namespace {
 
 constexpr double kSmallestDamping = 1e-12, kLargestDamping = 1e14;
 constexpr double kNoCost = 1e-12;  // of exact measurements: what rounding leaves
-
-double seconds_since(std::chrono::steady_clock::time_point began) {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-}
-
-// Calls work() and adds the time that it took.
-template <typename Work>
-auto timed(double& seconds, Work work) {
-    struct Watch {
-        double& total;
-        std::chrono::steady_clock::time_point began = std::chrono::steady_clock::now();
-        ~Watch() { total += seconds_since(began); }
-    } watch{seconds};
-    return work();
-}
 
 // What steps to come will take off the cost, of which `next` the next one, after one that promised
 // `promised`: where each promises a constant share of the one before (the worst case near a

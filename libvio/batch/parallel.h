@@ -1,8 +1,9 @@
 // Work cut into pieces that do not depend on the number of threads, so that results do not either.
 #pragma once
 
-#include <thread>
-#include <vector>
+#include <algorithm>
+
+#include "libvio/base/at_once.h"
 
 namespace vio::batch {
 
@@ -13,13 +14,9 @@ constexpr int kPieces = 16;
 template <typename Work>
 void in_parallel(int threads, int pieces, Work work) {
     const int used = std::min(threads, pieces);
-    const auto run = [&](int thread) {
+    at_once(used, [&](int thread) {
         for (int piece = thread; piece < pieces; piece += used) work(piece);
-    };
-    std::vector<std::thread> others;
-    for (int thread = 1; thread < used; ++thread) others.emplace_back(run, thread);
-    if (used > 0) run(0);
-    for (std::thread& other : others) other.join();
+    });
 }
 
 /// First element of a piece when `count` elements are cut into `pieces`.

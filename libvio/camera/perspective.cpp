@@ -45,6 +45,14 @@ PerspectiveCamera::PerspectiveCamera(const PerspectiveParameters& parameters)
             "camera calibration: image size and focal lengths must be positive; give the camera's "
             "intrinsics");
     const double r = monotonic_radius(parameters.distortion);
+    const double corner =
+        std::hypot(std::max(parameters.cx, parameters.width - parameters.cx) / parameters.fx,
+                   std::max(parameters.cy, parameters.height - parameters.cy) / parameters.fy);
+    constexpr double kLeast = 0.1;  // of the image's radius: less is no lens
+    if (!(r > kLeast * corner))
+        throw InputError(
+            "camera calibration: with this distortion the image's radius does not rise with the "
+            "angle; check the coefficients and their order");
     max_radius2_ = r * r;
 }
 

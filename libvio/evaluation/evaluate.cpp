@@ -149,11 +149,14 @@ std::optional<double> scale_error(const Eigen::Matrix3Xd& p_E, const Eigen::Matr
 
 Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImages& images) {
     Completion result;
+    const auto known = [&](TimeNs t) {
+        return !std::binary_search(images.lost.begin(), images.lost.end(), t);
+    };
     if (images.stamps.empty()) {
         if (images.image_count <= 0) return result;
         const TimeNs start = estimate.front().t + from_seconds(images.start_offset_s);
         result.expected = images.image_count;
-        for (const TimedPose& row : estimate) result.estimated += row.t >= start;
+        for (const TimedPose& row : estimate) result.estimated += row.t >= start && known(row.t);
         result.estimated =
             std::min(images.images_with_pose.value_or(result.estimated), result.expected);
         return result;
@@ -166,7 +169,7 @@ Completion completion(const std::vector<TimedPose>& estimate, const ExpectedImag
         const auto row =
             std::lower_bound(estimate.begin(), estimate.end(), t - tolerance,
                              [](const TimedPose& pose, TimeNs stamp) { return pose.t < stamp; });
-        result.estimated += row != estimate.end() && row->t <= t + tolerance;
+        result.estimated += row != estimate.end() && row->t <= t + tolerance && known(row->t);
     }
     return result;
 }
@@ -183,6 +186,12 @@ void add_warnings(const EvaluationOptions& options, Evaluation& e) {
     } else if (e.associated_poses < e.estimated_poses) {
         std::snprintf(text, sizeof(text), "%d of %d poses have no truth at their time",
                       e.estimated_poses - e.associated_poses, e.estimated_poses);
+        e.warnings.push_back(text);
+    }
+    if (e.lost_poses > 0) {
+        std::snprintf(text, sizeof(text),
+                      "%d of %d poses are lost, as the estimate itself says; the errors count them",
+                      e.lost_poses, e.estimated_poses);
         e.warnings.push_back(text);
     }
     if (!e.gaps.empty()) {
@@ -322,6 +331,7 @@ Evaluation evaluate(const std::vector<TimedPose>& estimate, const std::vector<Ti
     e.duration_s = to_seconds(pairs.back().t - pairs.front().t);
     e.estimate_path_length = path_length(p_E);
     e.truth_path_length = path_length(p_G);
+    e.lost_poses = static_cast<int>(options.images.lost.size());
     e.completion = completion(estimate, options.images);
     if (options.estimate_has_scale) {
         // Who asks for Sim(3) may have an estimate without scale.

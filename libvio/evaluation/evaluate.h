@@ -18,6 +18,9 @@ struct ExpectedImages {
     std::vector<TimeNs> stamps;           ///< of the sequence's images, in the estimate's time
     int image_count = 0;                  ///< used where there are no stamps; 0: unknown
     std::optional<int> images_with_pose;  ///< of these; not every pose may be an image's
+    /// Poses that the estimate itself calls lost, in order: their images do not count as having
+    /// one.
+    std::vector<TimeNs> lost;
     double start_offset_s = 0;        ///< images up to this long after the first are not asked for
     double stamp_tolerance_s = 1e-3;  ///< between an image and its pose
 };
@@ -69,7 +72,7 @@ struct Drift {
     double rotation = 0;     ///< [rad/m]
 };
 
-/// For how many images there is a pose.
+/// For how many images there is a pose that is not lost.
 struct Completion {
     int expected = 0;   ///< images in the interval; 0: not known
     int estimated = 0;  ///< of these, with a pose
@@ -104,6 +107,7 @@ struct Evaluation {
     std::optional<Nees> nees;           ///< if covariances were given, and it has a meaning
     std::string no_nees;                ///< why it has none, though covariances were given
     int estimated_poses = 0;            ///< in the whole estimate
+    int lost_poses = 0;                 ///< of these, as the estimate itself says
     int associated_poses = 0;           ///< with truth at their time
     double estimate_path_length = 0;    ///< of the associated poses, before alignment [m]
     double truth_path_length = 0;       ///< of the associated poses [m]

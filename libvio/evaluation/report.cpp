@@ -184,6 +184,7 @@ Json to_json(const Evaluation& e) {
         {"alignment_rotation", matrix_json(S.R)},
         {"alignment_translation_m", {S.p.x(), S.p.y(), S.p.z()}},
         {"estimated_poses", e.estimated_poses},
+        {"lost_poses", e.lost_poses},
         {"associated_poses", e.associated_poses},
         {"duration_s", e.duration_s},
         {"truth_path_length_m", e.truth_path_length},

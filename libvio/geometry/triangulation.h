@@ -17,7 +17,7 @@ struct SightLine {
 struct Triangulation {
     Eigen::Vector3d point;       ///< [m]
     Eigen::Matrix3d covariance;  ///< for the given angular standard deviation [m^2]
-    double parallax;             ///< largest angle between two sight lines [rad]
+    double parallax;             ///< largest angle between the first sight line and another [rad]
 };
 
 /// Point that minimises the squared angular distance to all sight lines (linear start, then

@@ -79,6 +79,15 @@ void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Ve
     state.R = so3::normalized(state.R * dR);
 }
 
+Matrix9d white_noise(const IntegrationJacobian& jacobian, double gyro_density2,
+                     double accel_density2, double dt) {
+    Matrix9d covariance;
+    covariance.noalias() = (gyro_density2 / dt) * jacobian.G_gyro * jacobian.G_gyro.transpose();
+    covariance.noalias() += (accel_density2 / dt) * jacobian.G_accel * jacobian.G_accel.transpose();
+    covariance.diagonal().segment<3>(3).array() += accel_density2 * dt * dt * dt / 12;
+    return covariance;
+}
+
 ImuSequence::ImuSequence(std::vector<ImuReading> readings) {
     readings_.reserve(readings.size());
     for (const ImuReading& reading : readings) push_back(reading);

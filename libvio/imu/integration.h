@@ -50,6 +50,13 @@ struct IntegrationJacobian {
 void integrate(InertialState& state, const ImuSegment& unbiased, const Eigen::Vector3d& g_W,
                IntegrationJacobian* jacobian = nullptr);
 
+/// Covariance that white noise of the readings adds to the state over one step of dt: densities^2
+/// in rad^2/s and m^2/s^3, here of the measurement, so that their means over dt have variances
+/// density^2 / dt. What noise does to the position within the step (accel_density2 dt^3 / 12 beyond
+/// its mean's dt^3 / 4) is in it, so that a single step's covariance is regular too.
+Matrix9d white_noise(const IntegrationJacobian& jacobian, double gyro_density2,
+                     double accel_density2, double dt);
+
 /// Reading at t on the line through two readings; a's where b is not later.
 ImuReading interpolated(const ImuReading& a, const ImuReading& b, TimeNs t);
 

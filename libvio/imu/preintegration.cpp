@@ -18,9 +18,8 @@ PreintegratedImu::PreintegratedImu(const std::vector<ImuSegment>& segments, cons
         d_bias_.leftCols<3>() -= J.G_gyro;
         d_bias_.rightCols<3>() -= J.G_accel;
         covariance_ = (J.F * covariance_ * J.F.transpose()).eval();
-        covariance_ += J.G_gyro * J.G_gyro.transpose() *
-                       (noise.gyro_density2(unbiased.gyro.norm()) / segment.dt);
-        covariance_ += J.G_accel * J.G_accel.transpose() * (accel_density2 / segment.dt);
+        covariance_ +=
+            white_noise(J, noise.gyro_density2(unbiased.gyro.norm()), accel_density2, segment.dt);
         duration_ += segment.dt;
     }
 }

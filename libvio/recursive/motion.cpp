@@ -59,21 +59,19 @@ class ImuDrivenMotion final : public MotionModel {
         core.T_W_I = {moving.R, moving.p};
         core.v_W = moving.v;
 
-        // Variances of the mean over dt.
-        double gyro = noise_.gyro_density2(segment.gyro.norm()) / dt;
-        double accel = squared(noise_.accel_noise_density) / dt;
+        double gyro2 = noise_.gyro_density2(segment.gyro.norm());
+        double accel2 = squared(noise_.accel_noise_density);
         // The same in sum, however many images divide the gap.
         if (gap > kLargestGap) {
-            gyro += squared(kUnseenAngularRate) * gap / dt;
-            accel += squared(kUnseenAcceleration) * gap / dt;
+            gyro2 += squared(kUnseenAngularRate) * gap;
+            accel2 += squared(kUnseenAcceleration) * gap;
         }
         CoreMatrix transition = CoreMatrix::Identity(kInertial, kInertial);
         transition.topLeftCorner<9, 9>() = J.F;
         transition.block<9, 3>(0, kGyroBias) = -J.G_gyro;
         transition.block<9, 3>(0, kAccelBias) = -J.G_accel;
         CoreMatrix noise = CoreMatrix::Zero(kInertial, kInertial);
-        noise.topLeftCorner<9, 9>().noalias() = gyro * J.G_gyro * J.G_gyro.transpose();
-        noise.topLeftCorner<9, 9>().noalias() += accel * J.G_accel * J.G_accel.transpose();
+        noise.topLeftCorner<9, 9>() = white_noise(J, gyro2, accel2, dt);
         noise.diagonal().segment<3>(kGyroBias).setConstant(squared(noise_.gyro_bias_random_walk) *
                                                            dt);
         noise.diagonal()

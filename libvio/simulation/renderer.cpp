@@ -7,6 +7,7 @@
 #include <numbers>
 #include <thread>
 
+#include "libvio/base/at_once.h"
 #include "libvio/simulation/random.h"
 
 namespace vio {
@@ -19,13 +20,9 @@ template <typename Work>
 void in_parallel(int n, int threads, const Work& work) {
     if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     std::atomic<int> next{0};
-    const auto run = [&] {
+    at_once(std::max(1, std::min(n, threads)), [&](int) {
         for (int i = next++; i < n; i = next++) work(i);
-    };
-    std::vector<std::thread> others;
-    for (int k = 1; k < threads; ++k) others.emplace_back(run);
-    run();
-    for (std::thread& thread : others) thread.join();
+    });
 }
 
 // Quantiles of the standard normal at (i + 1/2) / 65536: a normal deviate from 16 random bits.

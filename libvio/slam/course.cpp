@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "libvio/slam/timed.h"
+#include "libvio/base/timed.h"
 
 namespace vio {
 namespace {

@@ -1,5 +1,6 @@
 #include "libvio/slam/estimator.h"
 
+#include <algorithm>
 #include <sstream>
 #include <utility>
 
@@ -102,12 +103,23 @@ class Recursive final : public Estimator {
         rig_ = filter_.refined_rig();
     }
 
-    Estimate take() override { return filter_.take(); }
+    Estimate take() override {
+        tracked_ = converged();
+        return filter_.take();
+    }
     const Estimate& estimate() const override { return filter_.estimate(); }
     const StateEstimate* newest() const override { return filter_.newest(); }
-    std::string report() const override { return ""; }
+    std::string report() const override {
+        return newest() && !converged()
+                   ? "track was lost all the time: its poses are those of a motion not known"
+                   : "";
+    }
     const std::vector<StatusEntry>& status() const override { return filter_.status(); }
-    bool converged() const override { return filter_.newest() != nullptr; }
+    bool converged() const override {
+        const std::vector<StateEstimate>& states = estimate().states;
+        return tracked_ || std::any_of(states.begin(), states.end(),
+                                       [](const StateEstimate& s) { return !s.lost; });
+    }
     int iterations() const override { return 0; }
     const RefinedRig* refined_rig() const override { return rig_ ? &*rig_ : nullptr; }
     std::vector<FeatureId> take_rejected() override { return filter_.take_rejected(); }
@@ -116,6 +128,7 @@ class Recursive final : public Estimator {
  private:
     Iekf filter_;
     std::optional<RefinedRig> rig_;
+    bool tracked_ = false;  // at any time of what has been taken
 };
 
 }  // namespace

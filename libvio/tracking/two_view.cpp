@@ -215,7 +215,11 @@ std::optional<TwoViewMotion> estimate_two_view(const std::vector<RayPair>& pairs
     Search search(pairs, options);
     Hypothesis best = search.run(R_C1_C2);
     int inliers = search.count(best, options.threshold);
-    if (R_C1_C2 && 2 * inliers < static_cast<int>(pairs.size())) {
+    constexpr double kContradicted = 0.05;  // [rad]; no gyro errs as much between images
+    const bool useless =
+        R_C1_C2 && (2 * inliers < static_cast<int>(pairs.size()) ||
+                    so3::log(R_C1_C2->transpose() * best.R).norm() > kContradicted);
+    if (useless) {
         const Hypothesis other = search.run(std::nullopt);
         const int other_inliers = search.count(other, options.threshold);
         if (other_inliers > inliers) {

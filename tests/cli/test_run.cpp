@@ -53,6 +53,23 @@ TEST_F(Run, PosesAtReadingsAreNotCountedAsImages) {
     EXPECT_EQ(evaluation["completion"]["images"], 152);
 }
 
+// A motion that is never known well enough is no success, and its poses complete nothing.
+TEST_F(Run, NothingButLostPosesIsAFailure) {
+    const std::string out = scratch_ / "out";
+    const ProgramResult result =
+        run("run " + kDemo + " --set iekf.start_velocity_sigma=0.001 -o " + out);
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_NE(result.err.find("track was lost all the time"), std::string::npos) << result.err;
+    const nlohmann::json json = summary(out);
+    EXPECT_EQ(json["images"], 152);
+    EXPECT_EQ(json["images_lost"], 152);
+    EXPECT_EQ(json["converged"], false);
+    const ProgramResult evaluation = run("evaluate " + out + " --against " + kTruth);
+    EXPECT_NE(evaluation.out.find("completion       0.0 % (0 of 152 images)"), std::string::npos)
+        << evaluation.out;
+    EXPECT_NE(evaluation.out.find("152 of 152 poses are lost"), std::string::npos);
+}
+
 // What is wrong with a file behind the part that was asked for does not matter.
 TEST_F(Run, DamageBehindThePartIsNotReached) {
     const std::string cut = scratch_ / "cut.rawlog";

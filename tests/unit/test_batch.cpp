@@ -517,6 +517,42 @@ TEST(Batch, TrustsReadingsAcrossAGapLess) {
     EXPECT_LE(weaker, 2);
 }
 
+// Images without a reading between them: a hole in the readings, an IMU slower than the camera, two
+// images a millisecond apart.
+class BatchWithFewReadings : public testing::TestWithParam<const char*> {};
+
+TEST_P(BatchWithFewReadings, ConvergesAndHasCovariances) {
+    const std::string what = GetParam();
+    test::SimulatedRunOptions simulation;
+    simulation.seconds = 4;
+    if (what == "slow IMU") simulation.imu_hz = 15;
+    auto run = simulate_run(simulation);
+    if (what == "hole") run.readings.erase(run.readings.begin() + 300, run.readings.begin() + 324);
+    if (what == "image twice") {
+        FeatureFrame again = run.frames[40];
+        again.t += 1'000'000;
+        run.frames.insert(run.frames.begin() + 41, again);
+        run.truth.insert(run.truth.begin() + 41, run.truth[40]);
+    }
+    BatchOptions options;
+    options.start = "blind";
+    const BatchResult result = estimate_batch(test::batch_problem(run), options);
+    ASSERT_TRUE(result.report.converged) << result.report.reason;
+    ASSERT_EQ(result.estimate.states.size(), run.frames.size());
+    const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+    for (size_t i = 0; i < truth.states.size(); ++i) {
+        const StateEstimate& state = result.estimate.states[i];
+        const auto e = test::state_error(state, truth.states[i]);
+        EXPECT_LT(e.segment<3>(kRotation).norm(), 0.03) << i;
+        EXPECT_LT(e.segment<3>(kPosition).norm(), 0.05) << i;
+        EXPECT_TRUE(state.covariance.allFinite());
+        if (i > 0) EXPECT_GT(state.covariance.diagonal().minCoeff(), 0) << i;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, BatchWithFewReadings,
+                         testing::Values("hole", "slow IMU", "image twice"));
+
 TEST(Batch, RefusesWhatCannotBeEstimated) {
     const auto run = short_run();
     BatchProblem problem = test::batch_problem(run);

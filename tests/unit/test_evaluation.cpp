@@ -258,6 +258,12 @@ TEST(Evaluate, CountsTheImagesThatHaveAPose) {
     c = evaluate(estimate, truth, options).completion;
     EXPECT_EQ(c.expected, 61);
     EXPECT_EQ(c.estimated, 51);
+    options.images.lost = {estimate[40].t, estimate[41].t};
+    const Evaluation with_lost = evaluate(estimate, truth, options);
+    EXPECT_EQ(with_lost.completion.estimated, 49);
+    EXPECT_EQ(with_lost.lost_poses, 2);
+    EXPECT_NE(to_text(with_lost).find("2 of 61 poses are lost"), std::string::npos);
+    options.images.lost.clear();
     options.images.stamps.clear();
     options.images.start_offset_s = 0;
     options.images.image_count = 122;

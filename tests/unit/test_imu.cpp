@@ -136,6 +136,23 @@ TEST_F(Imu, ResidualJacobiansMatchCentralDifferences) {
     EXPECT_LT((J.gravity - Jg).cwiseAbs().maxCoeff(), 1e-7);
 }
 
+// White noise as random steps in each of many parts of the segment.
+TEST_F(Imu, OneSegmentsCovarianceIsThatOfManyParts) {
+    const ImuNoise noise{2e-3, 3e-2, 0, 0, 0};
+    const ImuSegment whole{0.1, random(0.3), random(3)};
+    constexpr int kParts = 1000;
+    const std::vector<ImuSegment> parts(kParts, {whole.dt / kParts, whole.gyro, whole.accel});
+    const Matrix9d one = PreintegratedImu({whole}, {}, noise).covariance(),
+                   many = PreintegratedImu(parts, {}, noise).covariance();
+    const Vector9d sigma = many.diagonal().cwiseSqrt();
+    const Matrix9d difference =
+        sigma.cwiseInverse().asDiagonal() * (one - many) * sigma.cwiseInverse().asDiagonal();
+    EXPECT_LT(difference.cwiseAbs().maxCoeff(), 0.02);
+    const Matrix9d correlation =
+        sigma.cwiseInverse().asDiagonal() * one * sigma.cwiseInverse().asDiagonal();
+    EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix9d>(correlation).eigenvalues()(0), 0.05);
+}
+
 TEST_F(Imu, SegmentsFillTheIntervalAndCutAtReadings) {
     ImuSequence imu;
     for (int k = 0; k < 5; ++k) imu.push_back({k * 10, Eigen::Vector3d::Constant(k), random(1)});

@@ -64,6 +64,7 @@ INSTANTIATE_TEST_SUITE_P(Cameras, Perspective,
 TEST(PerspectiveCamera, RefusesImpossibleIntrinsics) {
     EXPECT_THROW(PerspectiveCamera({0, 0, 1, 1, 0, 0, {}}), InputError);
     EXPECT_THROW(PerspectiveCamera({640, 480, -1, 1, 0, 0, {}}), InputError);
+    EXPECT_THROW(PerspectiveCamera({640, 480, 500, 500, 320, 240, {-300, 0, 0, 0}}), InputError);
 }
 
 }  // namespace

@@ -444,18 +444,19 @@ TEST(Patch, CovarianceShapeIsIdentityForIsotropicTextureAndLongAlongEdges) {
 }
 
 // Pairs of a scene seen under a known motion, the last `outliers` of them wrong.
-std::vector<RayPair> scene(const Matrix3d& R, const Vector3d& t, int outliers) {
-    std::mt19937_64 random(3);
+// In braces numbers are drawn in the order of the text, whatever the compiler.
+std::vector<RayPair> scene(const Matrix3d& R, const Vector3d& t, int outliers, unsigned seed = 3) {
+    std::mt19937_64 random(seed);
     std::uniform_real_distribution<double> u(-1, 1);
     std::normal_distribution<double> noise(0, 0.0005);
     std::vector<RayPair> pairs;
     for (int i = 0; i < 120; ++i) {
-        const Vector3d p1(3 * u(random), 2 * u(random), 5 + 2 * u(random));
-        const Vector3d n1(noise(random), noise(random), 0), n2(noise(random), noise(random), 0);
+        const Vector3d p1{3 * u(random), 2 * u(random), 5 + 2 * u(random)};
+        const Vector3d n1{noise(random), noise(random), 0}, n2{noise(random), noise(random), 0};
         pairs.push_back({(p1.normalized() + n1).normalized(),
                          ((R.transpose() * (p1 - t)).normalized() + n2).normalized()});
         if (i >= 120 - outliers)
-            pairs.back().f2 = Vector3d(0.6 * u(random), 0.4 * u(random), 1).normalized();
+            pairs.back().f2 = Vector3d{0.6 * u(random), 0.4 * u(random), 1}.normalized();
     }
     return pairs;
 }
@@ -466,17 +467,18 @@ TEST_P(TwoView, FindsMotionAndRejectsOutliers) {
     const Matrix3d R = so3::exp({0.02, -0.05, 0.03});
     const Vector3d t(0.4, 0.1, -0.2);
     const int outliers = 40;
-    const auto pairs = scene(R, t, outliers);
     const TwoViewOptions options{.threshold = 0.003};
     std::optional<Matrix3d> given;
     if (GetParam() >= 0) given = R * so3::exp(Vector3d(1, -1, 1).normalized() * GetParam());
-    const auto motion = estimate_two_view(pairs, given, options);
-    ASSERT_TRUE(motion);
-    EXPECT_LT(so3::log(motion->R_C1_C2.transpose() * R).norm(), 0.003);
-    EXPECT_GT(motion->t_C1.dot(t.normalized()), std::cos(0.05));
-    const auto good = motion->inlier.begin() + (120 - outliers);
-    EXPECT_GE(std::count(motion->inlier.begin(), good, 1), 78);
-    EXPECT_LE(std::count(good, motion->inlier.end(), 1), 5);  // by chance on their epipolar line
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        const auto motion = estimate_two_view(scene(R, t, outliers, seed), given, options);
+        ASSERT_TRUE(motion);
+        EXPECT_LT(so3::log(motion->R_C1_C2.transpose() * R).norm(), 0.003) << seed;
+        EXPECT_GT(motion->t_C1.dot(t.normalized()), std::cos(0.05)) << seed;
+        const auto good = motion->inlier.begin() + (120 - outliers);
+        EXPECT_GE(std::count(motion->inlier.begin(), good, 1), 78) << seed;
+        EXPECT_LE(std::count(good, motion->inlier.end(), 1), 6) << seed;  // by chance on their line
+    }
 }
 
 // Exact, biased, useless (must fall back on five pairs), absent.
