@@ -1,6 +1,7 @@
 #include "libvio/base/blas.h"
 
 #include <algorithm>
+#include <cmath>
 #include <mutex>
 
 #include "libvio/base/each_processor.h"
@@ -35,11 +36,14 @@ int stride(const ConstMatrix& A) {
     return std::max(1, static_cast<int>(A.outerStride()));
 }
 
-// B <- B op(L)^-1.
-void solve_right(const ConstMatrix& L, const char* op, Matrix B) {
-    const int m = static_cast<int>(B.rows()), n = static_cast<int>(B.cols());
-    const int lda = stride(L), ldb = stride(B);
-    if (m > 0 && n > 0) dtrsm_("R", "L", op, "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
+// a, b <- (a + sign s b) / c, c b - s times that.
+VIO_EACH_PROCESSOR
+void rotate(double* __restrict a, double* __restrict b, int n, double c, double s, double sign) {
+    const double inverse = 1 / c, share = sign * s * inverse;
+    for (int i = 0; i < n; ++i) {
+        a[i] = inverse * a[i] + share * b[i];
+        b[i] = c * b[i] - s * a[i];
+    }
 }
 
 }  // namespace
@@ -98,11 +102,20 @@ void combine(const double* const* columns, const double* S, int count, int rows,
 }
 
 void divide(const ConstMatrix& L, Matrix B) {
-    solve_right(L, "T", B);
+    const int m = static_cast<int>(B.rows()), n = static_cast<int>(B.cols());
+    const int lda = stride(L), ldb = stride(B);
+    if (m > 0 && n > 0) dtrsm_("R", "L", "T", "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
 }
 
-void divide_by_transpose(const ConstMatrix& L, Matrix B) {
-    solve_right(L, "N", B);
+bool update_factor(Matrix L, Eigen::VectorXd x, double sign) {
+    for (Eigen::Index k = 0; k < L.cols(); ++k) {
+        const double before = L(k, k), square = before * before + sign * x(k) * x(k);
+        if (!(square > 0)) return false;
+        L(k, k) = std::sqrt(square);
+        rotate(L.col(k).data() + k + 1, x.data() + k + 1, static_cast<int>(L.rows() - k - 1),
+               L(k, k) / before, x(k) / before, sign);
+    }
+    return true;
 }
 
 bool factorize(Matrix A) {

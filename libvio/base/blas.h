@@ -32,8 +32,9 @@ void combine(const double* const* columns, const double* S, int count, int rows,
              double* C_second);
 /// B <- B L^-T.
 void divide(const ConstMatrix& L, Matrix B);
-/// B <- B L^-1.
-void divide_by_transpose(const ConstMatrix& L, Matrix B);
+/// L L^T <- L L^T + sign x x^T, sign: 1 or -1. False where that is not positive definite. In loops
+/// of our own, too.
+bool update_factor(Matrix L, Eigen::VectorXd x, double sign);
 /// Cholesky's factor of the square on top of a panel A, lower triangle, in its place; its rows
 /// below become theirs times L^-T. False where the square is not positive definite.
 bool factorize(Matrix A);

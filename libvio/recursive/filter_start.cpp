@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "libvio/base/blas.h"
 #include "libvio/recursive/body_frame.h"
 
 namespace vio {
@@ -34,7 +35,10 @@ MatrixXd anchored_covariance(const MatrixXd& joint, int core_size, int mounted,
         rows.middleCols<3>(kPosition) = -inverse;
         if (mounted > 0) rows.middleCols<6>(mount) = -inverse * place.J_camera;
     }
-    const MatrixXd result = A * joint * A.transpose();
+    const blas::Serial serial;
+    MatrixXd A_joint = MatrixXd::Zero(n + 6, n), result = MatrixXd::Zero(n + 6, n + 6);
+    blas::add_product(1, A, joint, A_joint);
+    blas::add_product(1, A_joint, A, result);
     return 0.5 * (result + result.transpose());
 }
 

@@ -184,6 +184,15 @@ CoreMatrix FilterState::core_carrier(const Eigen::Ref<const VectorXd>& delta,
     return T;
 }
 
+// Errors of a pose at the prior moved by delta, from those at the prior; see the header's head.
+Matrix6d FilterState::pose_carrier(const Vector6d& delta, const Matrix3d& R_before) const {
+    Matrix6d T = Matrix6d::Identity();
+    if (!invariant_) return T;
+    T.topLeftCorner<3, 3>() = so3::exp(-delta.head<3>());
+    T.bottomLeftCorner<3, 3>() = -so3::skew(delta.tail<3>()) * R_before;
+    return T;
+}
+
 void FilterState::settle() {
     if (!waiting_.any) return;
     const blas::Serial serial;

@@ -20,11 +20,12 @@
 // other.
 //
 // Scale is observed by accelerations alone, hence hardly while the motion is steady; images say
-// nothing about it. So that their noise does not either, its direction n(x) (all positions relative
-// to the core's, velocity, minus every inverse distance) is carried alike: the errors that a
-// correction leaves are (I + (n(x+) - n(x-)) s^T) times those before, where s reads the common
-// share of the landmarks' inverse distances, s^T n(x-) = 1. What the readings' noise had in n is
-// taken out of it as the images correct it (errors_in_variables.h).
+// nothing about it. So that their noise does not either, its direction n(x) (all positions, about
+// the world's origin as for rotation, velocity, minus every inverse distance) is carried alike:
+// what was travelled scales with what the next correction makes of it. The errors that a correction
+// leaves are (I + (n(x+) - n(x-)) s^T) times those before, where s reads the common share of the
+// landmarks' inverse distances, s^T n(x-) = 1. What the readings' noise had in n is taken out of it
+// as the images correct it (errors_in_variables.h).
 #pragma once
 
 #include <Eigen/Dense>
@@ -198,8 +199,7 @@ class FilterState {
     void project(const PointRows& row, int column);
     void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
-    void change_gain(const Eigen::VectorXd& u, const Eigen::VectorXd& reading);
-    bool factorize();
+    bool change_gain(const Eigen::VectorXd& u, const Eigen::VectorXd& reading);
     Eigen::VectorXd weighted(Eigen::VectorXd residual) const;
     Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
     Eigen::VectorXd applied(const std::vector<PointRows>& rows, const Eigen::VectorXd& d) const;
@@ -208,9 +208,10 @@ class FilterState {
                       const Eigen::VectorXd& residual, const Eigen::VectorXd& delta) const;
     void reduce_covariance(const std::vector<PointRows>& rows, const Eigen::VectorXd& reading);
     void reduce_covariance();
-    Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M,
+    Eigen::MatrixXd times_transpose(const Eigen::Ref<const Eigen::MatrixXd>& M,
                                     const std::vector<PointRows>& rows) const;
-    Eigen::MatrixXd times_transpose(const Eigen::MatrixXd& M, const Eigen::MatrixXd& H) const;
+    Eigen::MatrixXd times_transpose(const Eigen::Ref<const Eigen::MatrixXd>& M,
+                                    const Eigen::MatrixXd& H) const;
     Eigen::VectorXd transposed_times(const std::vector<PointRows>& rows, const Eigen::VectorXd& w,
                                      Eigen::Index size) const;
     Eigen::VectorXd transposed_times(const Eigen::MatrixXd& H, const Eigen::VectorXd& w,
@@ -251,7 +252,7 @@ class FilterState {
     // Work space of updates. H has rows J + u s^T (u empty: J), where s reads the scale's error.
     Eigen::MatrixXd PHt_;            // P H^T, then W = P H^T L^-T
     Eigen::MatrixXd HP_;             // its transpose
-    Eigen::MatrixXd S_, L_;          // innovation covariance and its factor, lower triangles
+    Eigen::MatrixXd L_;              // innovation covariance S, then its factor, lower triangle
     Eigen::VectorXd u_, P_reading_;  // P s
 };
 

@@ -1,5 +1,6 @@
 // Updates of the whole state, and what consistency asks of them; see filter_state.h.
 #include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 #include "libvio/geometry/so3.h"
@@ -60,43 +61,44 @@ void FilterState::project(const PointRows& row, int column) {
     combine(P(), row, PHt_.col(column).data(), PHt_.col(column + 1).data());
 }
 
-// P H^T and S = H P H^T + I for landmarks, H = J.
+// P H^T and S = H P H^T + I for landmarks, H = J; S stands where its factor L will.
 void FilterState::gain(const std::vector<PointRows>& rows) {
     const int m = 2 * static_cast<int>(rows.size());
     PHt_.resize(size_, m);
-    S_.resize(m, m);
+    L_.resize(m, m);
     u_.resize(0);
     for (int i = 0; i < m / 2; ++i) project(rows[i], 2 * i);
     HP_.resize(m, size_);
     transpose(PHt_, HP_);
     for (int i = 0; i < m; i += 2)
-        combine(HP_.bottomRows(m - i), rows[i / 2], &S_(i, i), &S_(i, i + 1));
-    S_.diagonal().array() += 1;
+        combine(HP_.bottomRows(m - i), rows[i / 2], &L_(i, i), &L_(i, i + 1));
+    L_.diagonal().array() += 1;
 }
 
-// The same with H = J + u s^T, where s reads the scale's error.
-void FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
+// P H^T and the factor of S with H = J + u s^T, where s reads the scale's error. False where S is
+// no covariance.
+bool FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
     u_ = u;
     P_reading_.setZero(size_);
     for (int i = landmark_offset(0) + 2; i < size_; i += 3)
         P_reading_ += reading(i) * P_.col(i).head(size_);
     const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading_) * u;
     PHt_.noalias() += P_reading_ * u.transpose();
-    S_.selfadjointView<Eigen::Lower>().rankUpdate(u, half);
+    // S grows by u half^T + half u^T, as a sum of squares with u and half alike in size.
+    const double norm = u.norm(), half_norm = half.norm();
+    if (norm * half_norm == 0) return true;
+    const double balance = std::sqrt(half_norm / norm), root = std::sqrt(0.5);
+    return blas::update_factor(L_, root * (balance * u + half / balance), 1) &&
+           blas::update_factor(L_, root * (balance * u - half / balance), -1);
 }
 
 void FilterState::gain(const MatrixXd& H) {
     const Eigen::Index first = window_size() - H.cols();
+    u_.resize(0);
     PHt_.setZero(size_, H.rows());
     blas::add_product(1, P_.block(0, first, size_, H.cols()), H, PHt_);
-    S_.setIdentity(H.rows(), H.rows());
-    blas::add_product(1, H, PHt_.middleRows(first, H.cols()).transpose(), S_);
-}
-
-// False where S is no covariance.
-bool FilterState::factorize() {
-    L_ = S_;
-    return blas::factorize(L_);
+    L_.setIdentity(H.rows(), H.rows());
+    blas::add_product(1, H, PHt_.middleRows(first, H.cols()).transpose(), L_);
 }
 
 // S^-1 residual.
@@ -152,15 +154,6 @@ void FilterState::fill_upper(int at, int count) {
     mirror_lower(P_.block(at, at, count, count));
 }
 
-// Errors of a pose at the prior moved by delta, from those at the prior; see the header's head.
-Matrix6d FilterState::pose_carrier(const Vector6d& delta, const Matrix3d& R_before) const {
-    Matrix6d T = Matrix6d::Identity();
-    if (!invariant_) return T;
-    T.topLeftCorner<3, 3>() = so3::exp(-delta.head<3>());
-    T.bottomLeftCorner<3, 3>() = -so3::skew(delta.tail<3>()) * R_before;
-    return T;
-}
-
 // Whether the residuals at the prior moved by delta are as those at the prior, with their rows,
 // say.
 bool FilterState::linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
@@ -196,13 +189,13 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         for (std::size_t i = 0; i < rows.size(); ++i)
             residual.segment<2>(2 * static_cast<Eigen::Index>(i)) += rows[i].residual;
         gain(rows);
+        if (!blas::factorize(L_)) return 0;
         if (iteration > 0 && reading.size() > 0) {
             VectorXd scale_change = scale_direction(delta) - scale_before;
             if (sensitive) scale_change += from_noise;
-            change_gain(applied(rows, scale_change), reading);
+            if (!change_gain(applied(rows, scale_change), reading)) return 0;
             residual += reading.dot(delta) * u_;
         }
-        if (!factorize()) return 0;
         weight = weighted(residual);
         if (iteration == 0) innovations.add(residual, residual.dot(weight));
         next.noalias() = PHt_ * weight;
@@ -211,8 +204,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
             // The rows are good as they are, but for the scale's sensitivity.
             if (sensitive && reading.size() > 0) {
-                change_gain(applied(rows, from_noise), reading);
-                if (!factorize()) return 0;
+                if (!change_gain(applied(rows, from_noise), reading)) return 0;
                 weight = weighted(residual + reading.dot(next) * u_);
                 next.noalias() = PHt_ * weight;
                 from_noise = sensitivity_change(rows, weight);
@@ -243,7 +235,8 @@ void FilterState::carry_back(const VectorXd& delta, std::vector<PointRows>* rows
 }
 
 // M H^T; M has a column for each of the state's errors, or for the first of them: the window's.
-MatrixXd FilterState::times_transpose(const MatrixXd& M, const std::vector<PointRows>& rows) const {
+MatrixXd FilterState::times_transpose(const Eigen::Ref<const MatrixXd>& M,
+                                      const std::vector<PointRows>& rows) const {
     MatrixXd product(M.rows(), 2 * static_cast<Eigen::Index>(rows.size()));
     for (int i = 0; i < static_cast<int>(rows.size()); ++i)
         combine(M, rows[i], &product(0, 2 * i), &product(0, 2 * i + 1));
@@ -274,7 +267,8 @@ VectorXd FilterState::transposed_times(const MatrixXd& H, const VectorXd& w,
 }
 
 // H: for the last errors of the window.
-MatrixXd FilterState::times_transpose(const MatrixXd& M, const MatrixXd& H) const {
+MatrixXd FilterState::times_transpose(const Eigen::Ref<const MatrixXd>& M,
+                                      const MatrixXd& H) const {
     MatrixXd product = MatrixXd::Zero(M.rows(), H.rows());
     blas::add_product(1, M.middleCols(window_size() - H.cols(), H.cols()), H, product);
     return product;
@@ -284,7 +278,7 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     const blas::Serial serial;
     const bool sensitive = trusts_sensitivity();
     gain(H);
-    if (!factorize()) return;
+    if (!blas::factorize(L_)) return;
     const VectorXd weight = weighted(residual);
     innovations_.add(residual, residual.dot(weight));
     const VectorXd delta = PHt_ * weight;
@@ -305,13 +299,17 @@ VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) 
     return change;
 }
 
-// For the update whose factors are in the work space; not trusted: nothing of it is kept.
+// For the update that the covariance has just been reduced by: as its noise is a unit, its gain is
+// P H^T with the P that it left. Not trusted: nothing of it is kept.
 template <typename Rows>
 void FilterState::update_sensitivity(const Rows& H, bool trusted) {
     if (!in_variables_) return;
     if (!trusted) return in_variables_->forget();
-    auto gain = PHt_.topRows(in_variables_->size());
-    blas::divide_by_transpose(L_, gain);
+    const int n = in_variables_->size();
+    transpose(P_.block(n, 0, size_ - n, n), P_.block(0, n, n, size_ - n));
+    mirror_lower(P_.topLeftCorner(n, n));
+    MatrixXd gain = times_transpose(P_.topLeftCorner(n, size_), H);
+    if (u_.size() > 0) gain.noalias() += P_reading_.head(n) * u_.transpose();
     in_variables_->update(gain, [&](const MatrixXd& M) { return times_transpose(M, H); });
 }
 

@@ -26,9 +26,17 @@ TEST(Blas, FactorizesAPanelAndDividesByTheFactor) {
     MatrixXd rows = A.bottomRows(kBelow);
     blas::divide(panel.topRows(kSquare), rows);
     EXPECT_LT((rows - panel.bottomRows(kBelow)).norm(), 1e-10 * rows.norm());
-    rows = A.bottomRows(kBelow);
-    blas::divide_by_transpose(panel.topRows(kSquare), rows);
-    EXPECT_LT((rows * L - A.bottomRows(kBelow)).norm(), 1e-10 * A.norm());
+    Eigen::VectorXd x = Eigen::VectorXd::Random(kSquare);
+    auto factor = panel.topRows(kSquare);
+    ASSERT_TRUE(blas::update_factor(factor, x, 1));
+    MatrixXd updated = factor.triangularView<Eigen::Lower>();
+    EXPECT_LT((updated * updated.transpose() - square - x * x.transpose()).norm(),
+              1e-12 * square.norm());
+    ASSERT_TRUE(blas::update_factor(factor, x, -1));
+    updated = factor.triangularView<Eigen::Lower>();
+    EXPECT_LT((updated - L).norm(), 1e-12 * L.norm());
+    EXPECT_FALSE(blas::update_factor(factor, 2 * L.col(0), -1));
+    EXPECT_EQ(panel(3, 100), A(3, 100));
     A(100, 100) = -1;
     EXPECT_FALSE(blas::factorize(A));
 }
