@@ -343,13 +343,13 @@ void FilterState::correct(const VectorXd& delta, const VectorXd& from_noise) {
 // Direction of scale at the mean moved by delta; see the header's head.
 VectorXd FilterState::scale_direction(const VectorXd& delta) const {
     VectorXd n = VectorXd::Zero(size_);
-    const Vector3d origin = core_.T_W_I.p + delta.segment<3>(kPosition);
+    n.segment<3>(kPosition) = core_.T_W_I.p + delta.segment<3>(kPosition);
     if (core_size_ > kVelocity) n.segment<3>(kVelocity) = core_.v_W + delta.segment<3>(kVelocity);
     if (core_size_ > kAcceleration)
         n.segment<3>(kAcceleration) = core_.a_W + delta.segment<3>(kAcceleration);
     for (int i = 0; i < static_cast<int>(clones_.size()); ++i) {
         const int at = clone_offset(i) + kPosition;
-        n.segment<3>(at) = clones_[i].T_W_I.p + delta.segment<3>(at) - origin;
+        n.segment<3>(at) = clones_[i].T_W_I.p + delta.segment<3>(at);
     }
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i) {
         const int at = landmark_offset(i) + 2;

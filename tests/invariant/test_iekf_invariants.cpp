@@ -154,6 +154,51 @@ TEST(IekfUpdate, DoesNotDependOnTheOrderOfItsRows) {
     }
 }
 
+// Scale about the world's origin: how positions, velocity and inverse distances change with it.
+VectorXd change_of_scale(const FilterState& state) {
+    VectorXd n = VectorXd::Zero(state.size());
+    n.segment<3>(kPosition) = state.core().T_W_I.p;
+    n.segment<3>(kVelocity) = state.core().v_W;
+    for (int i = 0; i < static_cast<int>(state.clones().size()); ++i)
+        n.segment<3>(state.clone_offset(i) + kPosition) = state.clones()[i].T_W_I.p;
+    for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i)
+        n(state.landmark_offset(i) + 2) = -state.landmarks()[i].point.x.z();
+    return n;
+}
+
+// Where only the scale of path and points is uncertain, that is so after a correction of it, too.
+TEST(IekfUpdate, PathAndPointsKeepOneScale) {
+    constexpr double kScaleSigma = 0.1, kElse = 1e-5, kMeasured = 0.02, kOff = 0.08;
+    const int c = static_cast<int>(CoreKind::inertial);
+    CoreState core;
+    core.T_W_I = {so3::exp({0.3, -0.2, 0.9}), {1, 2, 0.5}};
+    core.g_W = {0, 0, -9.81};
+    core.v_W = {0.3, -0.1, 0.2};
+    const CoreMatrix known = kElse * kElse * CoreMatrix::Identity(c, c);
+    FilterState state(CoreKind::inertial, core, known, true);
+    state.start_mount({}, MatrixXd());
+    state.clone(0);
+    std::vector<LandmarkState> landmarks(4);
+    for (LandmarkState& landmark : landmarks) {
+        landmark.anchor = 0;
+        landmark.point.x = {0.1, -0.2, 0.4};
+    }
+    const Eigen::Index size = state.size() + 12;
+    VectorXd n = VectorXd::Zero(size);
+    n.head(state.size()) = change_of_scale(state);
+    for (Eigen::Index i = state.size() + 2; i < size; i += 3) n(i) = -landmarks[0].point.x.z();
+    state.start_landmarks(landmarks, kElse * kElse * MatrixXd::Identity(size, size) +
+                                         kScaleSigma * kScaleSigma * n * n.transpose());
+    MatrixXd H = MatrixXd::Zero(1, state.window_size());
+    H.block<1, 3>(0, kVelocity) = core.v_W.transpose() / core.v_W.squaredNorm() / kMeasured;
+    state.update(H, VectorXd::Constant(1, kOff / kMeasured));
+    const double gain = 1 / (1 + kMeasured * kMeasured / (kScaleSigma * kScaleSigma));
+    EXPECT_LT((state.core().T_W_I.p - (1 + gain * kOff) * core.T_W_I.p).norm(), 1e-4);
+    const VectorXd after = change_of_scale(state);
+    const MatrixXd expected = gain * kMeasured * kMeasured * after * after.transpose();
+    EXPECT_LT((state.covariance() - expected).norm(), 1e-3 * expected.norm());
+}
+
 TEST(IekfLinear, LazyCoreEqualsWholeState) {
     std::mt19937 random(2);
     FilterState state = some_state(random, CoreKind::smooth, false);
