@@ -546,7 +546,9 @@ TEST_P(BatchWithFewReadings, ConvergesAndHasCovariances) {
         EXPECT_LT(e.segment<3>(kRotation).norm(), 0.03) << i;
         EXPECT_LT(e.segment<3>(kPosition).norm(), 0.05) << i;
         EXPECT_TRUE(state.covariance.allFinite());
-        if (i > 0) EXPECT_GT(state.covariance.diagonal().minCoeff(), 0) << i;
+        if (i > 0) {
+            EXPECT_GT(state.covariance.diagonal().minCoeff(), 0) << i;
+        }
     }
 }
 
