@@ -9,12 +9,12 @@ namespace vio {
 namespace {
 
 // Far more than a chunk or an image has.
-constexpr std::uint64_t kMost = 1 << 28;
+constexpr std::uint64_t kLargestUnpacked = 1 << 28;
 
 }  // namespace
 
 bool Unpacked::resize(std::uint64_t size) {
-    if (size > kMost) return false;
+    if (size > kLargestUnpacked) return false;
     if (size > room_) {
         data_ = std::make_unique_for_overwrite<std::uint8_t[]>(size);
         room_ = size;
