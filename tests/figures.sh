@@ -24,18 +24,22 @@ json() {
 row() {
     local name=$1 rawlog=$2 truth=$3 align=$4 offset=$5
     shift 5
-    local result="$OUT/${name//[^A-Za-z0-9]/_}"
+    local result="$OUT/${name//[^A-Za-z0-9]/_}" remark=
+    rm -f "$result.json" "$result/summary.json" # of an earlier run
     if ! taskset -c 0 "$VIO_SLAM" run "$rawlog" --output "$result" --overwrite "$@" \
         >"$result.log" 2>&1; then
-        printf '%-34s failed: %s\n' "$name" "$(tail -n 1 "$result.log")"
-        rm -f "$result.json" # of an earlier run
-        return
+        remark=$(tail -n 1 "$result.log")
+        if [[ ! -e $result/summary.json ]]; then
+            printf '%-34s failed: %s\n' "$name" "$remark"
+            return
+        fi
+        remark="  $(sed 's/.*has not converged (\(.*\)); what there.*/\1/' <<<"$remark")"
     fi
     local images=()
     [[ $offset == part ]] || images=(--rawlog "$rawlog" --start-offset "$offset")
     "$VIO_SLAM" evaluate "$result" --against "$truth" --align "$align" "${images[@]}" --json \
         >"$result.json"
-    printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f %7s\n' "$name" \
+    printf '%-34s %8.2f %8.2f %7.3f %8.2f %7.1f%% %8.2f %8.2f %6.1f %7s%s\n' "$name" \
         "$(awk -v x="$(json "$result.json" position_m rmse)" 'BEGIN { print 100 * x }')" \
         "$(awk -v x="$(json "$result.json" position_m max)" 'BEGIN { print 100 * x }')" \
         "$(json "$result.json" rotation_deg rmse)" \
@@ -45,7 +49,7 @@ row() {
         "$(json "$result/summary.json" estimation_s)" \
         "$(json "$result/summary.json" real_time_ratio)" \
         "$(awk -v x="$(json "$result.json" pose mean)" \
-            'BEGIN { if (x == "") print "-"; else printf "%.1f", x }')"
+            'BEGIN { if (x == "") print "-"; else printf "%.1f", x }')" "$remark"
 }
 
 readonly HEADER='%-34s %8s %8s %7s %8s %8s %8s %8s %6s %7s\n'

@@ -132,9 +132,9 @@ void require_determined(const Alignment& alignment, const EvaluationOptions& opt
                 (alignment.kind == AlignmentKind::kYawPosition ? " seen from above" : "") +
                 ", which leaves the " + kind + " alignment undetermined; ask for alignment none");
         case AlignmentStatus::kCollinear:
-            throw InputError(where +
-                             "the path is a straight line, which leaves the rotation of the " +
-                             kind + " alignment undetermined; ask for yaw+position");
+            throw InputError(
+                where + "the path is a straight line, which leaves the rotation of the " + kind +
+                " alignment undetermined; align position and yaw alone (--align yaw)");
     }
 }
 

@@ -215,7 +215,7 @@ std::optional<TwoViewMotion> estimate_two_view(const std::vector<RayPair>& pairs
     Search search(pairs, options);
     Hypothesis best = search.run(R_C1_C2);
     int inliers = search.count(best, options.threshold);
-    constexpr double kContradicted = 0.05;  // [rad]; no gyro errs as much between images
+    constexpr double kContradicted = 0.2;  // [rad]; few pairs alone may turn by less
     const bool useless =
         R_C1_C2 && (2 * inliers < static_cast<int>(pairs.size()) ||
                     so3::log(R_C1_C2->transpose() * best.R).norm() > kContradicted);

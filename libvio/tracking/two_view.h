@@ -37,7 +37,7 @@ double two_view_residual(const RayPair& pair, const Eigen::Matrix3d& R_C1_C2,
 
 /// Robust estimate (RANSAC, then Gauss-Newton over rotation and direction). With a rotation, from
 /// the gyro, two pairs make a hypothesis, t ~ (g_i x f_i) x (g_j x f_j) with g = R f2; if fewer
-/// than half of the pairs agree with it, if what agrees turns otherwise (by 0.05 rad), or without a
+/// than half of the pairs agree with it, if what agrees turns otherwise (by 0.2 rad), or without a
 /// rotation, five pairs do (Newton's method from the rotation that aligns them best). Rays are
 /// taken as if from one viewpoint: origins of mirrors' rays are small against the scene. Nothing if
 /// there are fewer than eight pairs.
