@@ -127,7 +127,8 @@ void read_rawlog(const BoardSource& source, BoardViews& views, Collector& collec
     }
     print_left_out(recording.left_out());
     for (const std::string& remark : recording.remarks()) print_note(remark);
-    if (!part.why_empty().empty()) throw InputError(source.path + ": " + part.why_empty());
+    if (const std::string why = part.why_empty(); !why.empty())
+        throw InputError(source.path + ": " + why);
     print_late(part.late(), IekfOptions().message_window);
     put_in_order(views.frames);
     put_in_order(readings);

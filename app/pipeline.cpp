@@ -303,7 +303,8 @@ RunReport run_pipeline(const RunRequest& request) {
     Part part(request.part, request.options.iekf.message_window);
     read(recording, run, part, report);
     tell_left_out(recording, request, report);
-    if (!part.why_empty().empty()) throw without_pose(request, report.damage, part.why_empty());
+    if (const std::string why = part.why_empty(); !why.empty())
+        throw without_pose(request, report.damage, why);
     try {
         run.finish();
     } catch (const InputError& reason) {

@@ -6,5 +6,7 @@
 namespace vio {
 
 inline constexpr double kDegree = std::numbers::pi / 180;  ///< [rad]
+/// Standard deviation of an angle of which nothing is known [rad].
+inline constexpr double kAnyAngle = std::numbers::pi * std::numbers::inv_sqrt3;
 
 }  // namespace vio

@@ -113,35 +113,7 @@ struct Recording::Impl {
         if (sensors.images) sensors.bit_depth = find_depth(options.bit_depth);
     }
 
-    // Looks at the first images; what is wrong with them is for next() to tell.
-    BitDepth find_depth(int stated) const {
-        RawlogObjects ahead(file);
-        std::deque<CObservation::Ptr> observations;
-        return find_bit_depth(stated, [&]() -> cv::Mat {
-            try {
-                while (true) {
-                    while (!observations.empty()) {
-                        const CObservation::Ptr observation = observations.front();
-                        observations.pop_front();
-                        const auto* image =
-                            dynamic_cast<const CObservationImage*>(observation.get());
-                        if (!image || image->sensorLabel != sensors.camera_label) continue;
-                        try {
-                            return pixels_of(*image, [this](auto& name) { return load(name); })
-                                .clone();
-                        } catch (const UnusableMeasurement&) {
-                        }
-                    }
-                    const auto object = ahead.next();
-                    if (!object) return {};
-                    append_observations(object, observations);
-                }
-            } catch (const InputError&) {
-                return {};
-            }
-        });
-    }
-
+    BitDepth find_depth(int stated) const;
     cv::Mat load(const std::string& name) const;
     std::optional<Message> next();
     std::optional<Message> convert(const CActionCollection& actions);
@@ -181,6 +153,36 @@ cv::Mat Recording::Impl::load(const std::string& name) const {
     if (image.empty())
         throw UnusableMeasurement("image file " + path.string() + " is missing or damaged");
     return image;
+}
+
+// Looks at the first images; what is wrong with them is for next() to tell.
+BitDepth Recording::Impl::find_depth(int stated) const {
+    RawlogObjects ahead(file);
+    std::deque<CObservation::Ptr> observations;
+    const auto next_image = [&]() -> cv::Mat {
+        while (true) {
+            if (observations.empty()) {
+                const auto object = ahead.next();
+                if (!object) return {};
+                append_observations(object, observations);
+                continue;
+            }
+            const auto image = std::dynamic_pointer_cast<CObservationImage>(observations.front());
+            observations.pop_front();
+            if (!image || image->sensorLabel != sensors.camera_label) continue;
+            try {
+                return pixels_of(*image, [this](auto& name) { return load(name); }).clone();
+            } catch (const UnusableMeasurement&) {
+            }
+        }
+    };
+    return find_bit_depth(stated, [&]() -> cv::Mat {
+        try {
+            return next_image();
+        } catch (const InputError&) {
+            return {};
+        }
+    });
 }
 
 std::optional<Message> Recording::Impl::next() {

@@ -143,6 +143,11 @@ cv::Mat pixels_of(const CObservationImage& observation, const ImageLoader& load)
 
 std::optional<Message> to_message(const CObservation& observation, Sensors& sensors,
                                   const ImageLoader& load) {
+    const auto of_camera = [&] {
+        if (observation.sensorLabel == sensors.camera_label) return true;
+        sensors.other_cameras.insert(observation.sensorLabel);
+        return false;
+    };
     if (const auto* imu = dynamic_cast<const CObservationIMU*>(&observation)) {
         if (!sensors.imu || imu->sensorLabel != sensors.imu_label) {
             if (from_mrpt(*imu)) sensors.other_imus.insert(imu->sensorLabel);
@@ -157,18 +162,12 @@ std::optional<Message> to_message(const CObservation& observation, Sensors& sens
         return *reading;
     }
     if (const auto* image = dynamic_cast<const CObservationImage*>(&observation)) {
-        if (image->sensorLabel != sensors.camera_label) {
-            sensors.other_cameras.insert(image->sensorLabel);
-            return {};
-        }
+        if (!of_camera()) return {};
         check_stamp(image->timestamp);
         return convert_image(*image, sensors, load);
     }
     if (const auto* features = dynamic_cast<const CObservationFeatures*>(&observation)) {
-        if (features->sensorLabel != sensors.camera_label) {
-            sensors.other_cameras.insert(features->sensorLabel);
-            return {};
-        }
+        if (!of_camera()) return {};
         check_stamp(features->timestamp);
         FeatureFrame frame = from_mrpt(*features);
         check_features(frame);

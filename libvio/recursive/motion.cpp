@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/squared.h"
 #include "libvio/geometry/so3.h"
 #include "libvio/imu/integration.h"
@@ -19,8 +20,7 @@ constexpr int kSmooth = static_cast<int>(CoreKind::smooth);
 constexpr double kLargestGap = 0.1;          // [s]
 constexpr double kUnseenAngularRate = 0.3;   // [rad/s], over the whole gap
 constexpr double kUnseenAcceleration = 1.5;  // [m/s^2]
-// Beyond the first nothing is known of a turn; standard deviation of any angle, pi / sqrt(3).
-constexpr double kUnknownTurn = 1, kAnyTurn = 1.8138;  // [rad]
+constexpr double kUnknownTurn = 1;           // [rad]; of a larger one nothing is known
 
 // Adds to the covariance of an n-fold integrated random walk: x[0] is the walk (variance q per
 // second), x[1] its integral, x[2] the integral of that.
@@ -97,7 +97,7 @@ class ImuDrivenMotion final : public MotionModel {
         CoreMatrix transition = CoreMatrix::Identity(kInertial, kInertial);
         transition.block<3, 3>(kPosition, kVelocity).diagonal().setConstant(dt);
         CoreMatrix noise = CoreMatrix::Zero(kInertial, kInertial);
-        const double turn = std::min(kUnseenAngularRate * gap, kAnyTurn);
+        const double turn = std::min(kUnseenAngularRate * gap, kAnyAngle);
         add_integrated_walk(noise, {kRotation}, squared(turn) / gap, dt);
         add_integrated_walk(noise, {kVelocity, kPosition}, squared(kUnseenAcceleration) * gap, dt);
         add_integrated_walk(noise, {kGyroBias}, squared(noise_.gyro_bias_random_walk), dt);

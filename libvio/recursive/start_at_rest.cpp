@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libvio/base/angles.h"
 #include "libvio/base/squared.h"
 #include "libvio/geometry/alignment.h"
 #include "libvio/recursive/levelled.h"
@@ -17,8 +18,6 @@ namespace {
 
 constexpr double kRestVelocity = 0.01;  // [m/s], of what passes for rest
 constexpr double kExact = 1e-6;         // [rad], [m], where the world begins
-// Standard deviation of an angle of which nothing is known [rad], pi / sqrt(3).
-constexpr double kAnyYaw = 1.8138;
 // A less certain position [m] would leave no digits to what is known of motion and points.
 constexpr double kAnywhere = 1e4;
 
@@ -67,7 +66,7 @@ BatchTail continued(const BatchTail& start, const Pose& from, const StateEstimat
     Eigen::Matrix4d common = M * known.covariance.topLeftCorner<6, 6>() * M.transpose();
     for (int i = 0; i < 4; ++i) {
         const double share =
-            std::min(1.0, (i == 0 ? kAnyYaw : kAnywhere) / std::sqrt(common(i, i)));
+            std::min(1.0, (i == 0 ? kAnyAngle : kAnywhere) / std::sqrt(common(i, i)));
         common.row(i) *= share;
         common.col(i) *= share;
     }

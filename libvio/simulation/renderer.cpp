@@ -20,7 +20,7 @@ template <typename Work>
 void in_parallel(int n, int threads, const Work& work) {
     if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     std::atomic<int> next{0};
-    at_once(std::max(1, std::min(n, threads)), [&](int) {
+    at_once(std::min(n, threads), [&](int) {
         for (int i = next++; i < n; i = next++) work(i);
     });
 }
