@@ -211,7 +211,7 @@ void FilterState::settle() {
         blas::add_product(1, P_rc, waiting_.transition, moved_P_rc);
         P_rc = moved_P_rc;
         transpose(moved_P_rc, P_cr);
-        if (waiting_.measured) correct(delta);
+        if (waiting_.measured) correct(scaled(delta, scale_reading()));
     }
     waiting_.any = waiting_.measured = false;
     waiting_.transition.setIdentity();

@@ -205,7 +205,8 @@ class FilterState {
     Eigen::VectorXd applied(const std::vector<PointRows>& rows, const Eigen::VectorXd& d) const;
     void carry_back(const Eigen::VectorXd& delta, std::vector<PointRows>* rows) const;
     bool linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
-                      const Eigen::VectorXd& residual, const Eigen::VectorXd& delta) const;
+                      const Eigen::VectorXd& residual, const Eigen::VectorXd& delta,
+                      const Eigen::VectorXd& reading) const;
     void reduce_covariance(const std::vector<PointRows>& rows, const Eigen::VectorXd& reading);
     void reduce_covariance();
     Eigen::MatrixXd times_transpose(const Eigen::Ref<const Eigen::MatrixXd>& M,
@@ -225,6 +226,7 @@ class FilterState {
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;
     Eigen::VectorXd scale_reading() const;
+    Eigen::VectorXd scaled(Eigen::VectorXd delta, const Eigen::VectorXd& reading) const;
     void carry_scale(const Eigen::VectorXd& change, const Eigen::VectorXd& reading);
     Matrix6d pose_carrier(const Vector6d& delta, const Eigen::Matrix3d& R_before) const;
     CoreMatrix core_carrier(const Eigen::Ref<const Eigen::VectorXd>& delta, const CoreState& before,

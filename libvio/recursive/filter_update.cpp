@@ -157,9 +157,10 @@ void FilterState::fill_upper(int at, int count) {
 // Whether the residuals at the prior moved by delta are as those at the prior, with their rows,
 // say.
 bool FilterState::linear_until(const Linearise& linearise, const std::vector<PointRows>& rows,
-                               const VectorXd& residual, const VectorXd& delta) const {
+                               const VectorXd& residual, const VectorXd& delta,
+                               const VectorXd& reading) const {
     std::vector<PointRows> there;
-    linearise(delta, &there);
+    linearise(scaled(delta, reading), &there);
     if (there.size() != rows.size()) return false;
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const Vector2d predicted =
@@ -174,7 +175,7 @@ bool FilterState::linear_until(const Linearise& linearise, const std::vector<Poi
 int FilterState::update(const Linearise& linearise, int max_iterations) {
     const blas::Serial serial;
     std::vector<PointRows> rows;
-    VectorXd delta = VectorXd::Zero(size_), residual, weight, next;
+    VectorXd delta = VectorXd::Zero(size_), step = delta, residual, weight, next;
     const VectorXd reading = invariant_ ? scale_reading() : VectorXd();
     const bool sensitive = trusts_sensitivity();
     const VectorXd scale_before = scale_direction(VectorXd::Zero(size_));
@@ -182,7 +183,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     InnovationSums innovations = innovations_;
     int iteration = 0;
     while (true) {
-        linearise(delta, &rows);
+        linearise(step, &rows);
         if (rows.empty()) return 0;
         carry_back(delta, &rows);
         residual = applied(rows, delta);
@@ -191,7 +192,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         gain(rows);
         if (!blas::factorize(L_)) return 0;
         if (iteration > 0 && reading.size() > 0) {
-            VectorXd scale_change = scale_direction(delta) - scale_before;
+            VectorXd scale_change = scale_direction(step) - scale_before;
             if (sensitive) scale_change += from_noise;
             if (!change_gain(applied(rows, scale_change), reading)) return 0;
             residual += reading.dot(delta) * u_;
@@ -201,7 +202,8 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         next.noalias() = PHt_ * weight;
         if (sensitive) from_noise = sensitivity_change(rows, weight);
         ++iteration;
-        if (iteration == 1 && max_iterations > 1 && linear_until(linearise, rows, residual, next)) {
+        if (iteration == 1 && max_iterations > 1 &&
+            linear_until(linearise, rows, residual, next, reading)) {
             // The rows are good as they are, but for the scale's sensitivity.
             if (sensitive && reading.size() > 0) {
                 if (!change_gain(applied(rows, from_noise), reading)) return 0;
@@ -209,17 +211,18 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
                 next.noalias() = PHt_ * weight;
                 from_noise = sensitivity_change(rows, weight);
             }
-            delta.swap(next);
+            step = scaled(next, reading);
             break;
         }
         const double change = applied(rows, next - delta).lpNorm<Eigen::Infinity>();
         delta.swap(next);
+        step = scaled(delta, reading);
         if (iteration >= max_iterations || change < kConverged) break;
     }
     innovations_ = innovations;
     reduce_covariance(rows, reading);
     update_sensitivity(rows, sensitive);
-    correct(delta, from_noise);
+    correct(step, from_noise);
     return iteration;
 }
 
@@ -281,7 +284,7 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     if (!blas::factorize(L_)) return;
     const VectorXd weight = weighted(residual);
     innovations_.add(residual, residual.dot(weight));
-    const VectorXd delta = PHt_ * weight;
+    const VectorXd delta = scaled(PHt_ * weight, scale_reading());
     VectorXd from_noise;
     if (sensitive) from_noise = sensitivity_change(H, weight);
     reduce_covariance();
@@ -356,6 +359,19 @@ VectorXd FilterState::scale_direction(const VectorXd& delta) const {
         n(at) = -(landmarks_[i].point.x.z() + delta(at));
     }
     return n;
+}
+
+// A correction of the mean: where the errors delta make all that is travelled (1 + a) times as
+// long, inverse distances become 1 / (1 + a) times what they were, not 1 - a times. Images do not
+// see the difference, a^2 of the scale: adding delta as it is would leave later motion too large
+// beside what is behind.
+VectorXd FilterState::scaled(VectorXd delta, const VectorXd& reading) const {
+    if (!invariant_ || reading.size() == 0) return delta;
+    constexpr double kLeast = -0.5;
+    const double a = std::max(kLeast, reading.dot(delta)), beyond = a * a / (1 + a);
+    for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
+        delta(landmark_offset(i) + 2) += beyond * landmarks_[i].point.x.z();
+    return delta;
 }
 
 // What reads the scale's error from the errors of the state: the mean of the landmarks' relative

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <set>
 
+#include "libvio/base/median.h"
 #include "libvio/recursive/iekf_impl.h"
 #include "libvio/recursive/rest_update.h"
 
@@ -144,7 +145,13 @@ void Iekf::Impl::drop_lost_points() {
 void Iekf::Impl::hold_at_rest() {
     const int before = state->find_clone(image_idx - 1);
     if (!use_imu || !rest.at_rest() || before < 0) return;
-    update_at_rest(*state, before, options.gate);
+    std::vector<double> ranges;
+    for (const LandmarkState& landmark : state->landmarks())
+        if (landmark.point.in_front()) ranges.push_back(1 / landmark.point.x.z());
+    // A departure that is not noticed yet has gone half as far as at the speed that it has reached.
+    const double hidden_velocity = 2 * rest.hidden_px() * rig.camera->angular_resolution() *
+                                   median(std::move(ranges)) / rest.stillness().seconds();
+    update_at_rest(*state, before, options.gate, hidden_velocity, image_interval);
     state->take_innovations();  // it measures nothing
 }
 

@@ -59,13 +59,14 @@ bool RestDetector::readings_still() {
 bool RestDetector::image_still() {
     std::map<FeatureId, const FeatureObservation*> first;
     for (const FeatureObservation& f : frames_.front().frame.features) first[f.feature_id] = &f;
-    std::vector<double> squared;
+    std::vector<double> squared, variances;
     for (const FeatureObservation& f : frames_.back().frame.features) {
         const auto before = first.find(f.feature_id);
         if (before == first.end()) continue;
         const Eigen::Vector2d d = f.uv_px - before->second->uv_px;
         const Eigen::Matrix2d C = f.covariance_shape + before->second->covariance_shape;
         squared.push_back(d.dot(C.inverse() * d) / (sigma_px_ * sigma_px_));
+        variances.push_back(C.trace() / 2 * sigma_px_ * sigma_px_);
     }
     if (static_cast<int>(squared.size()) < kFewestFeatures) {
         why_not_ = "too few features in common";
@@ -75,6 +76,9 @@ bool RestDetector::image_still() {
     const double middle = median(squared);
     const double limit =
         kMedianAtRest * (1 + kMedianSpreads / std::sqrt(static_cast<double>(squared.size())));
+    // Shifted by s standard deviations, all of them have a median greater by about s^2: hidden is
+    // any shift up to that of the limit, alike.
+    hidden_px_ = std::sqrt(median(std::move(variances)) * (limit - kMedianAtRest) / 3);
     if (middle < limit) return true;
     char text[160];
     std::snprintf(text, sizeof text, "features moved by %.3g sigma in %.2f s, limit %.3g",

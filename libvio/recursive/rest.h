@@ -28,6 +28,9 @@ class RestDetector {
     bool at_rest() const { return at_rest_; }
     /// Of the stretch from its first image to the newest, if at_rest().
     const Stillness& stillness() const { return stillness_; }
+    /// How far all features may have moved together within it without being noticed, as a standard
+    /// deviation [px]; of the last image that showed enough of them.
+    double hidden_px() const { return hidden_px_; }
     /// The measured value against its limit, if not at_rest().
     const std::string& why_not() const { return why_not_; }
 
@@ -47,6 +50,7 @@ class RestDetector {
     std::deque<TimedFeatures> frames_;
     Stillness stillness_;
     bool at_rest_ = false;
+    double hidden_px_ = 0;
     std::string why_not_ = "too few images and readings";
 };
 

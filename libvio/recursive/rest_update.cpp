@@ -1,5 +1,7 @@
 #include "libvio/recursive/rest_update.h"
 
+#include <cmath>
+
 #include "libvio/base/chi_square.h"
 #include "libvio/geometry/so3.h"
 
@@ -14,7 +16,8 @@ constexpr double kVelocity_mps = 5e-3, kMoved_m = 1e-3, kTurned_rad = 5e-4;
 
 }  // namespace
 
-bool update_at_rest(FilterState& state, int earlier_slot, double gate) {
+bool update_at_rest(FilterState& state, int earlier_slot, double gate, double hidden_velocity,
+                    double interval) {
     const CoreState& core = state.core();
     const Pose& earlier = state.clones()[static_cast<std::size_t>(earlier_slot)].T_W_I;
     const Matrix3d Rt = core.T_W_I.R.transpose(), earlier_Rt = earlier.R.transpose();
@@ -31,9 +34,11 @@ bool update_at_rest(FilterState& state, int earlier_slot, double gate) {
     H.block<3, 3>(6, kRotation).setIdentity();  // the angle is small
     H.block<3, 3>(6, at + kRotation) = -turned.transpose();
     residual << -v_I, -moved, -so3::log(turned);
+    const double velocity = std::hypot(kVelocity_mps, hidden_velocity),
+                 distance = std::hypot(kMoved_m, hidden_velocity * interval);
     const Eigen::Matrix<double, 9, 1> weight =
-        (Eigen::Matrix<double, 9, 1>() << Eigen::Vector3d::Constant(1 / kVelocity_mps),
-         Eigen::Vector3d::Constant(1 / kMoved_m), Eigen::Vector3d::Constant(1 / kTurned_rad))
+        (Eigen::Matrix<double, 9, 1>() << Eigen::Vector3d::Constant(1 / velocity),
+         Eigen::Vector3d::Constant(1 / distance), Eigen::Vector3d::Constant(1 / kTurned_rad))
             .finished();
     H = (weight.asDiagonal() * H).eval();
     residual = weight.cwiseProduct(residual).eval();

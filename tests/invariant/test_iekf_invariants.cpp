@@ -194,6 +194,9 @@ TEST(IekfUpdate, PathAndPointsKeepOneScale) {
     state.update(H, VectorXd::Constant(1, kOff / kMeasured));
     const double gain = 1 / (1 + kMeasured * kMeasured / (kScaleSigma * kScaleSigma));
     EXPECT_LT((state.core().T_W_I.p - (1 + gain * kOff) * core.T_W_I.p).norm(), 1e-4);
+    // To second order, too: inverse distances are divided by what positions are multiplied with.
+    for (const LandmarkState& landmark : state.landmarks())
+        EXPECT_NEAR(landmark.point.x.z() * (1 + gain * kOff), landmarks[0].point.x.z(), 1e-4);
     const VectorXd after = change_of_scale(state);
     const MatrixXd expected = gain * kMeasured * kMeasured * after * after.transpose();
     EXPECT_LT((state.covariance() - expected).norm(), 1e-3 * expected.norm());
