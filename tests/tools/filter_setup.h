@@ -32,8 +32,6 @@ inline Setup setup(int argc, char** argv) {
     Setup s;
     s.scenario = ScenarioOptions::from_file(argv[2]);
     s.scenario.tracks = true;
-    s.iekf.sigma_px = s.batch.sigma_px = s.scenario.track_model.noise_px;
-    s.batch.gravity_norm = s.scenario.gravity;
     OptionSet scenario, estimators;
     s.scenario.describe(scenario);
     s.iekf.describe(estimators);
@@ -41,20 +39,24 @@ inline Setup setup(int argc, char** argv) {
     estimators.section("told");
     estimators.add("gyro_noise_density", &s.gyro_noise_density, "rad/s/sqrt(Hz)", {0, 10}, "");
     estimators.add("accel_noise_density", &s.accel_noise_density, "m/s^2/sqrt(Hz)", {0, 10}, "");
+    std::vector<std::string> own;
     for (int i = 3; i < argc; ++i) {
         const std::string a = argv[i];
-        if (a == "--no-batch") {
+        if (a == "--no-batch")
             s.with_batch = false;
-        } else if (a.ends_with(".ini")) {
+        else if (a.ends_with(".ini"))
             continue;
-        } else if (a.find('=') == std::string::npos) {
+        else if (a.find('=') == std::string::npos)
             s.seeds = std::stoi(a);
-        } else {
-            const bool own =
-                a.rfind("iekf.", 0) == 0 || a.rfind("batch.", 0) == 0 || a.rfind("told.", 0) == 0;
-            (own ? estimators : scenario).set(a);
-        }
+        else if (a.starts_with("iekf.") || a.starts_with("batch.") || a.starts_with("told."))
+            own.push_back(a);
+        else
+            scenario.set(a);
     }
+    // What the scenario is, unless told otherwise.
+    s.iekf.sigma_px = s.batch.sigma_px = s.scenario.track_model.noise_px;
+    s.batch.gravity_norm = s.scenario.gravity;
+    for (const std::string& a : own) estimators.set(a);
     return s;
 }
 
