@@ -248,9 +248,6 @@ readonly RUNS=build/release/tests/vio_filter_runs
 printf '\nperspective arm, filter and batch after yaw and position alignment\n'
 taskset -c 0 "$RUNS" compare datasets/perspective_arm.ini 6 | tail -n 1
 
-printf '\ncrane, NEES of the filter over 20 seeds by image (bar: 95 %% of the images inside)\n'
-taskset -c 0 "$RUNS" consistency datasets/crane.ini 20 | sed -n '1,2p;/^mean/,$p'
-
 echo
 echo "Interruptions (legend: tests/tools/filter_runs.cpp)"
 taskset -c 0 "$RUNS" faults datasets/stress/base.ini 1
