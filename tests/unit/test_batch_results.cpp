@@ -358,7 +358,7 @@ INSTANTIATE_TEST_SUITE_P(All, BatchLoss, ::testing::Values("huber", "cauchy"),
 // Features on edges: well placed across, badly along the edge, in a direction of their own each.
 TEST(BatchResults, TextureCovariancesAreUsed) {
     double directional = 0, isotropic = 0, nees = 0;
-    constexpr unsigned kSeeds = 8;
+    constexpr unsigned kSeeds = 24;
     for (unsigned seed = 1; seed <= kSeeds; ++seed) {
         auto simulation = short_run_options(seed);
         simulation.sigma_px = 0;
@@ -371,8 +371,8 @@ TEST(BatchResults, TextureCovariancesAreUsed) {
                 const double angle = 2.4 * static_cast<double>(feature.feature_id);
                 const Eigen::Matrix2d R = Eigen::Rotation2Dd(angle).toRotationMatrix();
                 const Eigen::Vector2d sigma(0.3, 5);
-                feature.uv_px +=
-                    R * sigma.cwiseProduct(Eigen::Vector2d(normal(engine), normal(engine)));
+                const Eigen::Vector2d drawn{normal(engine), normal(engine)};  // in this order
+                feature.uv_px += R * sigma.cwiseProduct(drawn);
                 feature.covariance_shape = R * sigma.cwiseAbs2().asDiagonal() * R.transpose();
             }
         const auto error = [&](const BatchProblem& with, double* of_covariance) {
