@@ -148,10 +148,9 @@ void Iekf::Impl::hold_at_rest() {
     std::vector<double> ranges;
     for (const LandmarkState& landmark : state->landmarks())
         if (landmark.point.in_front()) ranges.push_back(1 / landmark.point.x.z());
-    // A departure that is not noticed yet has gone half as far as at the speed that it has reached.
-    const double hidden_velocity = 2 * rest.hidden_px() * rig.camera->angular_resolution() *
-                                   median(std::move(ranges)) / rest.stillness().seconds();
-    update_at_rest(*state, before, options.gate, hidden_velocity, image_interval);
+    const double hidden =
+        rest.hidden_speed(rig.camera->angular_resolution(), median(std::move(ranges)));
+    update_at_rest(*state, before, options.gate, hidden, image_interval);
     state->take_innovations();  // it measures nothing
 }
 

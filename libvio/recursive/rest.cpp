@@ -37,6 +37,11 @@ void RestDetector::add(const FeatureFrame& frame, TimeNs t_imu) {
     at_rest_ = judged();
 }
 
+// On average over its way it was half as fast as in the end.
+double RestDetector::hidden_speed(double pixel, double distance) const {
+    return 2 * hidden_px_ * pixel * distance / stillness_.seconds();
+}
+
 bool RestDetector::judged() {
     if (to_seconds(frames_.back().t_imu - frames_.front().t_imu) < kShortest) {
         why_not_ = "too few images";

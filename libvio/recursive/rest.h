@@ -28,9 +28,9 @@ class RestDetector {
     bool at_rest() const { return at_rest_; }
     /// Of the stretch from its first image to the newest, if at_rest().
     const Stillness& stillness() const { return stillness_; }
-    /// How far all features may have moved together within it without being noticed, as a standard
-    /// deviation [px]; of the last image that showed enough of them.
-    double hidden_px() const { return hidden_px_; }
+    /// Speed that a departure may have reached within it unnoticed, as a standard deviation [m/s],
+    /// for pixels of this angular size [rad] and points at this distance [m].
+    double hidden_speed(double pixel, double distance) const;
     /// The measured value against its limit, if not at_rest().
     const std::string& why_not() const { return why_not_; }
 
@@ -50,7 +50,7 @@ class RestDetector {
     std::deque<TimedFeatures> frames_;
     Stillness stillness_;
     bool at_rest_ = false;
-    double hidden_px_ = 0;
+    double hidden_px_ = 0;  // by which all features may have moved together unnoticed
     std::string why_not_ = "too few images and readings";
 };
 

@@ -28,35 +28,43 @@ struct Judgements {
     int at_rest = 0, resting = 0, moving_at_rest = 0, moving = 0;
 };
 
-// Of a scenario, image by image, against the true motion of the second before.
-Judgements judged(const std::string& file, const std::vector<std::string>& assignments = {}) {
-    const Simulation simulation(ScenarioOptions::from_file(kDatasets + file, assignments));
+// Shows a detector all readings and images, and each image's index to `look`.
+template <typename Look>
+void watch(const Simulation& simulation, const Look& look) {
     RestDetector detector(simulation.rig().imu_noise, simulation.options().track_model.noise_px);
+    const auto& frames = simulation.tracks().frames;
     std::size_t next = 0;
-    Judgements result;
     for (const ImuReading& reading : simulation.imu()) {
-        const auto& frames = simulation.tracks().frames;
         for (; next < frames.size() && frames[next].t <= reading.t; ++next) {
             detector.add(frames[next], frames[next].t);
-            double moved = 0, fastest = 0;
-            for (std::size_t k = next; k < frames.size(); --k) {
-                const StateEstimate& now = simulation.truth()[next];
-                const StateEstimate& then = simulation.truth()[k];
-                if (to_seconds(now.t - then.t) > 1.5) break;
-                moved = std::max(moved, then.T_W_B.boxminus(now.T_W_B).norm());
-                fastest = std::max(fastest, then.v_W.norm());
-            }
-            if (to_seconds(frames[next].t - frames[0].t) < 3) continue;
-            const bool rests = moved < 1e-4 && fastest < 1e-4;
-            const bool moves = fastest > 0.02;
-            result.resting += rests;
-            result.at_rest += rests && detector.at_rest();
-            result.moving += moves;
-            result.moving_at_rest +=
-                moves && detector.at_rest() && simulation.truth()[next].v_W.norm() > 0.02;
+            look(next, detector);
         }
         detector.add(reading);
     }
+}
+
+// Of a scenario, image by image, against the true motion of the second before.
+Judgements judged(const std::string& file, const std::vector<std::string>& assignments = {}) {
+    const Simulation simulation(ScenarioOptions::from_file(kDatasets + file, assignments));
+    const auto& frames = simulation.tracks().frames;
+    Judgements result;
+    watch(simulation, [&](std::size_t image, const RestDetector& detector) {
+        const StateEstimate& now = simulation.truth()[image];
+        double moved = 0, fastest = 0;
+        for (std::size_t k = image; k < frames.size(); --k) {
+            const StateEstimate& then = simulation.truth()[k];
+            if (to_seconds(now.t - then.t) > 1.5) break;
+            moved = std::max(moved, then.T_W_B.boxminus(now.T_W_B).norm());
+            fastest = std::max(fastest, then.v_W.norm());
+        }
+        if (to_seconds(frames[image].t - frames[0].t) < 3) return;
+        const bool rests = moved < 1e-4 && fastest < 1e-4;
+        const bool moves = fastest > 0.02;
+        result.resting += rests;
+        result.at_rest += rests && detector.at_rest();
+        result.moving += moves;
+        result.moving_at_rest += moves && detector.at_rest() && now.v_W.norm() > 0.02;
+    });
     return result;
 }
 
@@ -78,27 +86,18 @@ TEST(RestDetector, KnowsWhatItCannotSee) {
     const Simulation simulation(ScenarioOptions::from_file(
         kDatasets + "crane.ini",
         {"trajectory.shake_angle=0", "trajectory.shake_distance=0", "camera.count=400"}));
-    RestDetector detector(simulation.rig().imu_noise, simulation.options().track_model.noise_px);
-    std::size_t next = 0;
     int passed_for_rest = 0;
     double sum2 = 0, worst = 0;
-    for (const ImuReading& reading : simulation.imu()) {
-        const auto& frames = simulation.tracks().frames;
-        for (; next < frames.size() && frames[next].t <= reading.t; ++next) {
-            detector.add(frames[next], frames[next].t);
-            const StateEstimate& truth = simulation.truth()[next];
-            if (!detector.at_rest() || truth.v_W.norm() < 1e-3) continue;
-            const double range = truth.T_W_B.p.z(),
-                         resolution = simulation.rig().camera->angular_resolution(),
-                         hidden = 2 * detector.hidden_px() * resolution * range /
-                                  detector.stillness().seconds();
-            const double ratio = truth.v_W.norm() / hidden;
-            sum2 += ratio * ratio;
-            worst = std::max(worst, ratio);
-            ++passed_for_rest;
-        }
-        detector.add(reading);
-    }
+    watch(simulation, [&](std::size_t image, const RestDetector& detector) {
+        const StateEstimate& truth = simulation.truth()[image];
+        if (!detector.at_rest() || truth.v_W.norm() < 1e-3) return;
+        const double ratio =
+            truth.v_W.norm() /
+            detector.hidden_speed(simulation.rig().camera->angular_resolution(), truth.T_W_B.p.z());
+        sum2 += ratio * ratio;
+        worst = std::max(worst, ratio);
+        ++passed_for_rest;
+    });
     ASSERT_GT(passed_for_rest, 5);
     EXPECT_LT(std::sqrt(sum2 / passed_for_rest), 1.5);
     EXPECT_LT(worst, 4);
