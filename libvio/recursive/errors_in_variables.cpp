@@ -1,5 +1,7 @@
 #include "libvio/recursive/errors_in_variables.h"
 
+#include <algorithm>
+#include <iterator>
 #include <numeric>
 
 #include "libvio/recursive/transpose.h"
@@ -11,13 +13,21 @@ using Eigen::MatrixXd;
 namespace {
 
 constexpr int kSize = static_cast<int>(CoreKind::inertial);
+constexpr double kUpdates = 20;  // over which the share of motion is taken
 
 }  // namespace
 
 ErrorsInVariables::ErrorsInVariables()
     : C_(MatrixXd::Zero(kSize, kSize)),
+      V_(MatrixXd::Zero(kSize, kSize)),
       transition_(CoreMatrix::Identity(kSize, kSize)),
       coupling_(CoreMatrix::Zero(kSize, kSize)) {}
+
+void ErrorsInVariables::forget() {
+    C_.setZero();
+    V_.setZero();
+    information_ = noise_ = 0;
+}
 
 void ErrorsInVariables::propagate(const CoreMatrix& transition, const CoreMatrix& noise,
                                   const CoreMatrix& P) {
@@ -27,16 +37,25 @@ void ErrorsInVariables::propagate(const CoreMatrix& transition, const CoreMatrix
     M.middleRows<3>(kRotation).setZero();
     M.bottomRows(kSize - kGyroBias).setZero();
     M.middleCols<6>(kPosition).setZero();
-    auto own = C_.topLeftCorner(kSize, kSize);
-    own = ((transition * own + M * P) * transition.transpose()).eval();
-    own.middleRows<6>(kPosition) += noise.middleRows<6>(kPosition);
+    const auto Mt = M.middleRows<6>(kPosition).transpose();
+    auto C = C_.topLeftCorner(kSize, kSize), V = V_.topLeftCorner(kSize, kSize);
+    CoreMatrix TC = transition * C, TV = transition * V;
+    TC.middleRows<6>(kPosition) += Mt.transpose() * P;
+    TV.middleRows<6>(kPosition) += Mt.transpose() * C.transpose();
+    C = TC * transition.transpose();
+    C.middleRows<6>(kPosition) += noise.middleRows<6>(kPosition);
+    V = TV * transition.transpose();
+    V.middleCols<6>(kPosition) += TC * Mt;
+    V.block<6, 6>(kPosition, kPosition) += noise.block<6, 6>(kPosition, kPosition);
     coupling_ = (transition * coupling_ + M * transition_).eval();
     transition_ = (transition * transition_).eval();
 }
 
 void ErrorsInVariables::update_core(const CoreMatrix& reduction) {
-    auto own = C_.topLeftCorner(kSize, kSize);
-    own = (reduction * own * reduction.transpose()).eval();
+    for (MatrixXd* A : {&C_, &V_}) {
+        auto own = A->topLeftCorner(kSize, kSize);
+        own = (reduction * own * reduction.transpose()).eval();
+    }
     coupling_ = (reduction * coupling_).eval();
     transition_ = (reduction * transition_).eval();
 }
@@ -45,6 +64,11 @@ void ErrorsInVariables::settle(const blas::ConstMatrix& P) {
     const Eigen::Index rest = C_.rows() - kSize;
     auto C_cr = C_.topRightCorner(kSize, rest);
     auto C_rc = C_.bottomLeftCorner(rest, kSize);
+    const Eigen::Index clones = V_.rows() - kSize;
+    const MatrixXd V_cr = transition_ * V_.topRightCorner(kSize, clones) +
+                          coupling_ * C_rc.topRows(clones).transpose();
+    V_.topRightCorner(kSize, clones) = V_cr;
+    V_.bottomLeftCorner(clones, kSize) = V_cr.transpose();
     MatrixXd before = C_rc, after = MatrixXd::Zero(rest, kSize);
     blas::add_product(1, before, transition_, after);
     C_rc = after;
@@ -66,24 +90,44 @@ void ErrorsInVariables::clone(int at, bool inserted) {
         choose(errors);
         return;
     }
-    C_.middleRows<6>(at) = C_.topRows<6>().eval();
-    C_.middleCols<6>(at) = C_.leftCols<6>().eval();
+    for (MatrixXd* A : {&C_, &V_}) {
+        A->middleRows<6>(at) = A->topRows<6>().eval();
+        A->middleCols<6>(at) = A->leftCols<6>().eval();
+    }
 }
 
 void ErrorsInVariables::choose(const std::vector<int>& errors) {
     C_ = C_(errors, errors).eval();
+    std::vector<int> window;
+    std::copy_if(errors.begin(), errors.end(), std::back_inserter(window),
+                 [&](int at) { return at < V_.rows(); });
+    V_ = V_(window, window).eval();
+}
+
+void ErrorsInVariables::add_exact(int count) {
+    augment(0, MatrixXd::Zero(count, 0));
+    const Eigen::Index n = V_.rows();
+    V_.conservativeResize(n + count, n + count);
+    V_.rightCols(count).setZero();
+    V_.bottomRows(count).setZero();
 }
 
 void ErrorsInVariables::augment(int first, const MatrixXd& G) {
     const Eigen::Index n = C_.rows(), added = G.rows();
+    MatrixXd rows_transposed(n, G.cols()), own_transposed = MatrixXd::Zero(n, added);
+    transpose(C_.middleRows(first, G.cols()), rows_transposed);
+    blas::add_product(1, rows_transposed, G, own_transposed);
     C_.conservativeResize(n + added, n + added);
-    C_.bottomLeftCorner(added, n) = G * C_.block(first, 0, G.cols(), n);
-    C_.rightCols(added) = C_.middleCols(first, G.cols()) * G.transpose();
+    transpose(own_transposed, C_.bottomLeftCorner(added, n));
+    C_.rightCols(added).setZero();
+    blas::add_product(1, C_.middleCols(first, G.cols()), G, C_.rightCols(added));
 }
 
 void ErrorsInVariables::add(int at, int by, const Vector6d& rate) {
-    C_.middleRows<6>(at) += rate * C_.row(by);
-    C_.middleCols<6>(at) += C_.col(by) * rate.transpose();
+    for (MatrixXd* A : {&C_, &V_}) {
+        A->middleRows<6>(at) += rate * A->row(by);
+        A->middleCols<6>(at) += A->col(by) * rate.transpose();
+    }
 }
 
 void ErrorsInVariables::reanchor(int at, int from, int to, int mount, int mounted,
@@ -102,16 +146,37 @@ void ErrorsInVariables::reanchor(int at, int from, int to, int mount, int mounte
 }
 
 void ErrorsInVariables::carry(int at, const Carrier& T) {
-    carry_columns(C_.middleCols(at, T.rows()), T);
-    carry_rows(C_.middleRows(at, T.rows()), T);
+    for (MatrixXd* A : {&C_, &V_}) {
+        carry_columns(A->middleCols(at, T.rows()), T);
+        carry_rows(A->middleRows(at, T.rows()), T);
+    }
 }
 
-// (I - K H) C (I - K H)^T.
+void ErrorsInVariables::take_out(const TimesHt& times_Ht, const blas::ConstMatrix& L) {
+    if (!has_landmarks()) return;
+    MatrixXd Z = times_Ht(C_.topRows(V_.rows()));
+    blas::divide(L, Z);
+    blas::subtract_square(Z, V_);
+    mirror_lower(V_);
+}
+
+// (I - K H) C (I - K H)^T, V likewise.
 void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& times_Ht) {
     MatrixXd C_transposed(C_.cols(), C_.rows());
     transpose(C_, C_transposed);
     blas::add_product(-1, gain, times_Ht(C_transposed), C_);
     blas::add_product(-1, times_Ht(C_), gain, C_);
+    if (!has_landmarks()) return;
+    const auto own = gain.topRows(V_.rows());
+    blas::add_product(-1, own, times_Ht(V_), V_);
+    blas::add_product(-1, times_Ht(V_), own, V_);
+    mirror_lower(V_);
+}
+
+double ErrorsInVariables::share_of_motion(double information, double noise) {
+    information_ += (information - information_) / kUpdates;
+    noise_ += (noise - noise_) / kUpdates;
+    return information_ > 0 ? std::clamp(1 - noise_ / information_, 0.0, 1.0) : 1;
 }
 
 }  // namespace vio

@@ -15,8 +15,17 @@
 // independent of the innovation. (The minimum of the batch's cost does the same: it is a regression
 // with errors in both variables.)
 //
+// The noise that is left, of covariance V = E[g~ g~^T], still passes for information: an innovation
+// seems to tell I = (H g)^T S0^-1 H g of scale (S0: its covariance were scale known), though of
+// that n = tr(S0^-1 H V H^T) is noise. With the share x = 1 - n / I, of the correction of scale
+// that the gain s^2 / (1 + s^2 I) makes for its variance s^2, the best is
+//   x (1 + s^2 I) / (1 + s^2 x^2 I),  and leaves the variance  s^2 / (1 + s^2 x^2 I):
+// the gain times a score of mean x I and variance I. As I depends on what is moved between two
+// images, and its own randomness must not choose among corrections, n and I are means over updates.
+//
+// V is that of core, mount and clones: with that of landmarks n would be the same to 2 % (crane).
 // With many landmarks C would cost several times what the filter does; then it is that of core and
-// clones alone, as if landmarks held none of the noise.
+// clones alone, too, as if landmarks held none of the noise, and n is not known.
 #pragma once
 
 #include <Eigen/Dense>
@@ -30,15 +39,19 @@
 
 namespace vio {
 
-/// For an inertial core: C above, in the order of the filter's errors.
+/// For an inertial core: C and V above, in the order of the filter's errors.
 class ErrorsInVariables {
  public:
     ErrorsInVariables();
 
     const Eigen::MatrixXd& correlation() const { return C_; }
     int size() const { return static_cast<int>(C_.rows()); }
+    /// Whether C is that of landmarks, too.
+    bool has_landmarks() const { return C_.rows() > V_.rows(); }
+    /// V, where C is that of landmarks.
+    const Eigen::MatrixXd& noise() const { return V_; }
 
-    void forget() { C_.setZero(); }
+    void forget();
     /// The core moves; P: its covariance before.
     void propagate(const CoreMatrix& transition, const CoreMatrix& noise, const CoreMatrix& P);
     /// The core was measured: its errors become `reduction` times what they were, and noise.
@@ -48,7 +61,9 @@ class ErrorsInVariables {
     void settle(const blas::ConstMatrix& P);
     /// The core's pose becomes the clone at an offset; inserted: the clone is new.
     void clone(int at, bool inserted);
-    /// Adds errors that are G times those from `first` on, and noise.
+    /// Adds to core and mount errors that the readings' noise has no part in.
+    void add_exact(int count);
+    /// Adds landmarks' errors, which are G times those from `first` on, and noise.
     void augment(int first, const Eigen::MatrixXd& G);
     /// The six errors at `at` grow by `rate` times that at `by`.
     void add(int at, int by, const Vector6d& rate);
@@ -60,13 +75,19 @@ class ErrorsInVariables {
     void truncate(int size) { C_.conservativeResize(size, size); }
     /// Errors from `at` on become T times what they were.
     void carry(int at, const Carrier& T);
-    /// Errors were measured, residual H e + unit noise: they become (I - gain H) times what they
-    /// were, and noise. times_Ht: gives M H^T.
-    using TimesHt = std::function<Eigen::MatrixXd(const Eigen::MatrixXd& M)>;
+    /// Gives M H^T.
+    using TimesHt = std::function<Eigen::MatrixXd(const blas::ConstMatrix& M)>;
+    /// Errors were measured, residual H e + unit noise, of covariance L L^T: what it tells of the
+    /// noise is taken out of V.
+    void take_out(const TimesHt& times_Ht, const blas::ConstMatrix& L);
+    /// Then the errors become (I - gain H) times what they were, and noise.
     void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht);
+    /// x above, after an update of which I and n are given.
+    double share_of_motion(double information, double noise);
 
  private:
-    Eigen::MatrixXd C_;
+    Eigen::MatrixXd C_, V_;
+    double information_ = 0, noise_ = 0;  // means over the last updates
     // What waits for the other errors r: C_cr = transition C_cr + coupling P_cr, C_rc = C_rc
     // transition^T.
     CoreMatrix transition_, coupling_;

@@ -45,7 +45,7 @@ void FilterState::start_mount(const CameraMount& mount, const MatrixXd& covarian
     P_.block(size_, 0, kMountSize, size_).setZero();
     P_.block<kMountSize, kMountSize>(size_, size_) = covariance;
     size_ += kMountSize;
-    if (in_variables_) in_variables_->augment(0, MatrixXd::Zero(kMountSize, 0));
+    if (in_variables_) in_variables_->add_exact(kMountSize);
 }
 
 CoreMatrix FilterState::timed_covariance() const {
@@ -246,9 +246,11 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     const int added = 3 * static_cast<int>(landmarks.size());
     // With the first landmarks scale begins anew: what was read before them says nothing of theirs.
     if (landmarks_.empty() && in_variables_) in_variables_->forget();
+    const blas::Serial serial;
     reserve(size_ + added);
     const Eigen::Index first = window_size() - G.cols();
-    const MatrixXd PGt = P_.block(0, first, size_, G.cols()) * G.transpose();
+    MatrixXd PGt = MatrixXd::Zero(size_, added);
+    blas::add_product(1, P_.block(0, first, size_, G.cols()), G, PGt);
     const MatrixXd own = G * PGt.middleRows(first, G.cols()) + noise;
     if (in_variables_ && in_variables_->size() == size_ &&
         landmarks_.size() + landmarks.size() <= kFewLandmarks)

@@ -199,6 +199,7 @@ class FilterState {
     void project(const PointRows& row, int column);
     void gain(const std::vector<PointRows>& rows);
     void gain(const Eigen::MatrixXd& H);
+    Eigen::VectorXd covariance_with(const Eigen::VectorXd& reading) const;
     bool change_gain(const Eigen::VectorXd& u, const Eigen::VectorXd& reading);
     Eigen::VectorXd weighted(Eigen::VectorXd residual) const;
     Eigen::Vector2d applied(const PointRows& row, const Eigen::VectorXd& d) const;
@@ -222,6 +223,16 @@ class FilterState {
     bool trusts_sensitivity() const;
     template <typename Rows>
     void update_sensitivity(const Rows& H, bool trusted);
+    template <typename Rows>
+    void take_out_noise(const Rows& H);
+    // s^2, I and n of errors_in_variables.h.
+    struct ToldOfScale {
+        double variance = 0, information = 0, noise = 0;
+    };
+    ToldOfScale told_of_scale(const std::vector<PointRows>& rows,
+                              const Eigen::VectorXd& reading) const;
+    void doubt_scale(const ToldOfScale& told, const Eigen::VectorXd& reading,
+                     Eigen::VectorXd* delta);
     void correct(const Eigen::VectorXd& delta, const Eigen::VectorXd& from_noise = {});
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;

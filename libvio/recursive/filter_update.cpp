@@ -79,9 +79,7 @@ void FilterState::gain(const std::vector<PointRows>& rows) {
 // no covariance.
 bool FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
     u_ = u;
-    P_reading_.setZero(size_);
-    for (int i = landmark_offset(0) + 2; i < size_; i += 3)
-        P_reading_ += reading(i) * P_.col(i).head(size_);
+    P_reading_ = covariance_with(reading);
     const VectorXd half = PHt_.transpose() * reading + 0.5 * reading.dot(P_reading_) * u;
     PHt_.noalias() += P_reading_ * u.transpose();
     // S grows by u half^T + half u^T, as a sum of squares with u and half alike in size.
@@ -90,6 +88,14 @@ bool FilterState::change_gain(const VectorXd& u, const VectorXd& reading) {
     const double balance = std::sqrt(half_norm / norm), root = std::sqrt(0.5);
     return blas::update_factor(L_, root * (balance * u + half / balance), 1) &&
            blas::update_factor(L_, root * (balance * u - half / balance), -1);
+}
+
+// P s, where P is whole.
+VectorXd FilterState::covariance_with(const VectorXd& reading) const {
+    VectorXd P_reading = VectorXd::Zero(size_);
+    for (int i = landmark_offset(0) + 2; i < size_; i += 3)
+        P_reading += reading(i) * P_.col(i).head(size_);
+    return P_reading;
 }
 
 void FilterState::gain(const MatrixXd& H) {
@@ -211,7 +217,8 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
                 next.noalias() = PHt_ * weight;
                 from_noise = sensitivity_change(rows, weight);
             }
-            step = scaled(next, reading);
+            delta.swap(next);
+            step = scaled(delta, reading);
             break;
         }
         const double change = applied(rows, next - delta).lpNorm<Eigen::Infinity>();
@@ -220,8 +227,15 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
         if (iteration >= max_iterations || change < kConverged) break;
     }
     innovations_ = innovations;
+    if (sensitive) take_out_noise(rows);
+    const bool doubtful = sensitive && reading.size() > 0 && in_variables_->has_landmarks();
+    const ToldOfScale told = doubtful ? told_of_scale(rows, reading) : ToldOfScale();
     reduce_covariance(rows, reading);
     update_sensitivity(rows, sensitive);
+    if (doubtful) {
+        doubt_scale(told, reading, &delta);
+        step = scaled(delta, reading);
+    }
     correct(step, from_noise);
     return iteration;
 }
@@ -286,7 +300,10 @@ void FilterState::update(const MatrixXd& H, const VectorXd& residual) {
     innovations_.add(residual, residual.dot(weight));
     const VectorXd delta = scaled(PHt_ * weight, scale_reading());
     VectorXd from_noise;
-    if (sensitive) from_noise = sensitivity_change(H, weight);
+    if (sensitive) {
+        from_noise = sensitivity_change(H, weight);
+        take_out_noise(H);
+    }
     reduce_covariance();
     update_sensitivity(H, sensitive);
     correct(delta, from_noise);
@@ -302,6 +319,56 @@ VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) 
     return change;
 }
 
+template <typename Rows>
+void FilterState::take_out_noise(const Rows& H) {
+    in_variables_->take_out([&](const blas::ConstMatrix& M) { return times_transpose(M, H); }, L_);
+}
+
+// Before the covariance is reduced.
+FilterState::ToldOfScale FilterState::told_of_scale(const std::vector<PointRows>& rows,
+                                                    const VectorXd& reading) const {
+    constexpr double kLeast = 1e-9;
+    const VectorXd P_reading = u_.size() > 0 ? P_reading_ : covariance_with(reading);
+    const double variance = reading.dot(P_reading);
+    VectorXd h = applied(rows, P_reading / variance);
+    if (u_.size() > 0) h += u_;
+    L_.triangularView<Eigen::Lower>().solveInPlace(h);
+    const double left = std::max(kLeast, 1 - variance * h.squaredNorm());  // 1 / (1 + s^2 I)
+
+    const MatrixXd& V = in_variables_->noise();
+    MatrixXd Ht = MatrixXd::Zero(V.rows(), L_.rows());  // L^-T
+    for (int i = 0; i < static_cast<int>(rows.size()); ++i) {
+        const PointRows& row = rows[i];
+        auto own = Ht.middleCols<2>(2 * i);
+        own.middleRows<6>(clone_offset(row.slot)) = row.J_pose.transpose();
+        own.middleRows<6>(clone_offset(landmarks_[row.landmark_idx].anchor)) +=
+            row.J_anchor.transpose();
+        if (mount_size_ > 0) own.middleRows<6>(mount_offset()) = row.J_camera.transpose();
+    }
+    blas::divide(L_, Ht);
+    const VectorXd weighted_h = Ht * h;
+    MatrixXd minus = MatrixXd::Zero(V.rows(), V.rows());  // H^T S^-1 H
+    blas::subtract_square(Ht, minus);
+    minus.diagonal() /= 2;
+    double noise = -2 * V.cwiseProduct(minus).sum();
+    noise += variance / left * weighted_h.dot(V * weighted_h);  // S^-1 to S0^-1
+    return {variance, h.squaredNorm() / left, noise};
+}
+
+// After the covariance has been reduced; delta: the correction.
+void FilterState::doubt_scale(const ToldOfScale& told, const VectorXd& reading, VectorXd* delta) {
+    const double x = in_variables_->share_of_motion(told.information, told.noise),
+                 taken = 1 + told.variance * told.information,
+                 meant = 1 + told.variance * x * x * told.information;
+    auto P_lower = P().selfadjointView<Eigen::Lower>();
+    VectorXd g = P_reading_;
+    if (u_.size() == 0) g = P_lower * reading;
+    const double variance = reading.dot(g);
+    g /= variance;
+    P_lower.rankUpdate(g, variance * (taken / meant - 1));
+    *delta -= (1 - x * taken / meant) * reading.dot(*delta) * g;
+}
+
 // For the update that the covariance has just been reduced by: as its noise is a unit, its gain is
 // P H^T with the P that it left. Not trusted: nothing of it is kept.
 template <typename Rows>
@@ -313,7 +380,7 @@ void FilterState::update_sensitivity(const Rows& H, bool trusted) {
     mirror_lower(P_.topLeftCorner(n, n));
     MatrixXd gain = times_transpose(P_.topLeftCorner(n, size_), H);
     if (u_.size() > 0) gain.noalias() += P_reading_.head(n) * u_.transpose();
-    in_variables_->update(gain, [&](const MatrixXd& M) { return times_transpose(M, H); });
+    in_variables_->update(gain, [&](const blas::ConstMatrix& M) { return times_transpose(M, H); });
 }
 
 // Moves the mean, and the covariance with it, of which the lower triangle is read: P <- T P T^T

@@ -44,7 +44,7 @@ struct IekfOptions {
     int clones = 11;
     int max_landmarks = 50;
     int lost_after = 3;            ///< images
-    double new_point_sigma = 0.3;  ///< relative to the distance
+    double new_point_sigma = 0.3;  ///< of inverse distance, to what is usual
     int max_window_points = 40;
 
     double angular_rate_variance = 1e2;    ///< smooth [(rad/s)^2/s]

@@ -49,7 +49,8 @@ void IekfOptions::describe(OptionSet& options) {
     options.add("lost_after", &lost_after, "images", {0, 1000},
                 "a point leaves the state after so many images without it");
     options.add("new_point_sigma", &new_point_sigma, "", {1e-3, 1},
-                "a point enters the state when its distance is known to this share of it");
+                "a point enters the state when its inverse distance is known to this share of what "
+                "is usual");
     options.add("max_window_points", &max_window_points, "", {1, 1000},
                 "points outside the state used at one image");
     options.add("angular_rate_variance", &angular_rate_variance, "(rad/s)^2/s", {1e-9, 1e15},

@@ -24,7 +24,7 @@ struct WindowOptions {
     int max_landmarks = 50;
     int max_points = 40;           ///< points used from the window at one image
     int min_sights = 4;            ///< of a point that becomes a landmark
-    double new_point_sigma = 0.3;  ///< of its distance, as a share
+    double new_point_sigma = 0.3;  ///< of inverse distance, as a share of what is usual
     double gate = 0.99;            ///< probability
     double angular_sigma = 1e-3;   ///< of a sight [rad]
 };
@@ -83,7 +83,7 @@ class Window {
     std::optional<Track> agreeing(const FilterState& state, const Track& track) const;
     std::optional<Split> split(const FilterState& state, FeatureId id, const Track& track) const;
     bool passes_gate(const FilterState& state, const Split& point) const;
-    bool precise(const Split& point) const;
+    bool precise(const Split& point, double usual_rho) const;
     void augment(FilterState& state, const std::vector<Split>& points) const;
     void update(FilterState& state, const std::vector<Split>& points) const;
 
