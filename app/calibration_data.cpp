@@ -8,6 +8,7 @@
 #include "app/progress.h"
 #include "app/recording_text.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/calibration/board_detector.h"
 #include "libvio/camera/description.h"
 #include "libvio/io/image_depth.h"
@@ -141,9 +142,9 @@ BoardViews read_board_views(const BoardSource& source, const Board& board) {
     BoardViews views;
     Collector collector(views, board);
     collector.set_camera(source.camera);
-    if (fs::is_directory(source.path))
+    if (is_folder(source.path))
         read_images(images_in(source.path), source.recording.bit_depth, collector);
-    else if (fs::exists(source.path) && cv::haveImageReader(source.path))
+    else if (is_there(source.path) && cv::haveImageReader(source.path))
         read_images({source.path}, source.recording.bit_depth, collector);
     else
         read_rawlog(source, views, collector);

@@ -15,6 +15,7 @@
 
 #include "app/process.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/base/timed.h"
 #include "libvio/io/json_text.h"
 #include "libvio/io/recording.h"
@@ -58,7 +59,7 @@ std::string file_stamp(const std::string& file) {
 std::string build_stamp() {
     std::string stamp = file_stamp(own_program());
     Dl_info info;
-    if (dladdr(reinterpret_cast<const void*>(&parse_double), &info) && fs::exists(info.dli_fname))
+    if (dladdr(reinterpret_cast<const void*>(&parse_double), &info) && is_there(info.dli_fname))
         stamp += file_stamp(info.dli_fname);
     return stamp;
 }
@@ -75,7 +76,7 @@ std::string files_stamp(const fs::path& file, int depth = 0) {
         if (equals == std::string_view::npos || trimmed(text.substr(0, equals)) != "include")
             continue;
         const fs::path included = file.parent_path() / trimmed(text.substr(equals + 1));
-        if (fs::is_regular_file(included)) stamp += files_stamp(included, depth + 1);
+        if (is_file(included)) stamp += files_stamp(included, depth + 1);
     }
     return stamp;
 }
@@ -84,7 +85,7 @@ std::string files_stamp(const fs::path& file, int depth = 0) {
 std::string argument_stamp(const std::string& arguments) {
     std::string stamp = arguments + "\n";
     for (const std::string& argument : split_arguments(arguments))
-        if (fs::is_regular_file(argument)) stamp += files_stamp(argument);
+        if (is_file(argument)) stamp += files_stamp(argument);
     return stamp;
 }
 
@@ -161,7 +162,7 @@ RecordingFiles recording(const Cell& cell, const std::string& root) {
     }
     const std::string stem = files.rawlog.substr(0, files.rawlog.rfind('.'));
     const Lock lock(stem + ".lock");
-    if (fs::exists(stem + ".done")) return files;
+    if (is_there(stem + ".done")) return files;
     std::vector<std::string> command = {input.empty() ? "simulate" : "slow"};
     if (!input.empty()) command.push_back(input);
     for (const std::string& a : split_arguments(input.empty() ? cell.simulate : cell.slow))
@@ -184,7 +185,7 @@ void run_steps(const Cell& cell, const std::string& root, const std::string& fol
     for (const std::string& a : split_arguments(cell.run)) command.push_back(a);
     if (cell.start) {
         const std::string start = cell_folder(root, *cell.start) + "/result";
-        if (!fs::exists(start + "/trajectory.tum"))
+        if (!is_there(start + "/trajectory.tum"))
             throw StepFailed{"the run to start from has failed"};
         command.insert(command.end(), {"--start-from", start});
     }
@@ -232,13 +233,13 @@ std::string CellStore::prepared(const Cell& cell) const {
     const std::string folder = cell_folder(root_, cell);
     fs::create_directories(folder);
     if (cell.start) prepared(*cell.start);
-    if (!fs::exists(folder + "/cell.json"))
+    if (!is_there(folder + "/cell.json"))
         write_text(folder + "/cell.json", json_text(to_json(cell)));
     return folder;
 }
 
 bool CellStore::done(const Cell& cell) const {
-    return fs::exists(cell_folder(root_, cell) + "/outcome.json");
+    return is_there(cell_folder(root_, cell) + "/outcome.json");
 }
 
 void CellStore::run(const std::vector<Cell>& cells, int jobs,
@@ -306,13 +307,13 @@ int processors() {
 }
 
 void run_cell(const std::string& folder) {
-    if (!fs::exists(folder + "/cell.json"))
+    if (!is_there(folder + "/cell.json"))
         throw InputError(folder + ": holds no cell.json; see vio-slam sweep --list");
     const Cell cell = cell_from(json::parse(read_text(folder + "/cell.json")));
     const std::string root = fs::path(folder).parent_path().parent_path().string();
     if (cell.start) run_cell(cell_folder(root, *cell.start));
     const Lock lock(folder + "/lock");
-    if (fs::exists(folder + "/outcome.json")) return;
+    if (is_there(folder + "/outcome.json")) return;
     Outcome outcome;
     outcome.result = folder + "/result";
     const auto begin = std::chrono::steady_clock::now();

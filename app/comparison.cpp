@@ -8,6 +8,7 @@
 
 #include "app/recording_text.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/recording.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
@@ -140,7 +141,7 @@ std::vector<Reference> read_references(const ComparisonOptions& options) {
 JudgedResult read_judged(const std::string& result) {
     JudgedResult judged;
     judged.name = result;
-    if (!std::filesystem::is_directory(result)) {
+    if (!is_folder(result)) {
         judged.poses = read_trajectory(result);
         return judged;
     }

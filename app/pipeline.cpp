@@ -11,6 +11,7 @@
 #include "app/progress.h"
 #include "app/recording_text.h"
 #include "app/run_output.h"
+#include "libvio/base/files.h"
 #include "libvio/base/timed.h"
 #include "libvio/calibration/board_file.h"
 #include "libvio/check/recording_check.h"
@@ -215,7 +216,7 @@ class NewFolders {
  public:
     explicit NewFolders(const std::string& results) {
         const fs::path folder = fs::absolute(results).lexically_normal();
-        for (fs::path path = folder / "scenes"; !fs::exists(path) && path.has_relative_path();
+        for (fs::path path = folder / "scenes"; !is_there(path) && path.has_relative_path();
              path = path.parent_path())
             made_.push_back(path);
     }

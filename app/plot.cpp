@@ -10,6 +10,7 @@
 
 #include "app/process.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/text.h"
 
 namespace vio::app {
@@ -158,7 +159,7 @@ std::vector<std::string> draw(const std::vector<Plot>& plots) {
     }
     std::vector<std::string> drawn;
     for (size_t i = 0; i < plots.size(); ++i) {
-        if (code != 0 || !fs::exists(file(i)))
+        if (code != 0 || !is_there(file(i)))
             throw InputError("gnuplot: has failed: " + one_line(read_text(log)));
         drawn.push_back(themed(read_text(file(i))));
     }

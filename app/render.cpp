@@ -14,6 +14,7 @@
 #include "gui_offscreen/snapshot.h"
 #include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/results.h"
 #include "libvio/io/trajectory_io.h"
 
@@ -97,7 +98,7 @@ constexpr Applies kApplies[] = {
 };
 
 Kind kind_of(const std::string& source) {
-    if (fs::is_directory(source)) return kResult;
+    if (is_folder(source)) return kResult;
     return fs::path(source).extension() == ".rawlog" ? kTracks : kScene;
 }
 

@@ -14,6 +14,7 @@
 #include "app/report_plots.h"
 #include "libvio/base/angles.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/results.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -130,8 +131,7 @@ Table parameters(const Estimate& estimate) {
 
 Material read_material(const std::string& folder, const ComparisonOptions& comparison) {
     Material m;
-    if (!std::filesystem::is_directory(folder))
-        throw InputError(folder + ": is no results folder; see vio-slam run");
+    if (!is_folder(folder)) throw InputError(folder + ": is no results folder; see vio-slam run");
     m.folder = folder;
     m.estimate = read_results(folder);
     m.judged = read_judged(folder);
@@ -166,7 +166,7 @@ void add_plots(const Material& m, Page& page) {
          m.references.empty() ? "In the estimate's world."
                               : "In the estimate's world; the others are aligned to it.");
     const std::string picture = m.folder + "/snapshot.png";
-    if (std::filesystem::exists(picture))
+    if (is_there(picture))
         page.picture(picture, "Path, cameras, landmarks and 3-sigma ellipsoids.");
     deal("Errors over time", "error_sizes", sizes.size(), "After the alignment.");
     deal("", "errors", errors.size(),
@@ -210,7 +210,7 @@ std::string write_report(const std::string& folder, const ComparisonOptions& com
     add_comparisons(m, page);
     add_plots(m, page);
     add_timing(m, page);
-    if (std::filesystem::exists(folder + "/options.ini"))
+    if (is_there(folder + "/options.ini"))
         page.folded("Options as used", read_text(folder + "/options.ini"));
     std::string stem = output.empty() ? folder + "/report.html" : output;
     if (stem.ends_with(".html")) stem.resize(stem.size() - 5);

@@ -9,6 +9,7 @@
 #include "app/paper.h"
 #include "app/progress.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/base/timed.h"
 #include "libvio/io/text.h"
 
@@ -47,7 +48,7 @@ std::vector<Exhibit> chosen(const Arguments& arguments) {
 }
 
 void run(const Arguments& arguments) {
-    if (!std::filesystem::is_directory(arguments.setup.datasets))
+    if (!is_folder(arguments.setup.datasets))
         throw InputError(arguments.setup.datasets +
                          ": no such folder; name the one that holds the scenarios with --datasets");
     const std::vector<Exhibit> wanted = chosen(arguments);

@@ -11,6 +11,7 @@
 #include "app/pipeline.h"
 #include "app/recording_text.h"
 #include "libvio/base/angles.h"
+#include "libvio/base/files.h"
 #include "libvio/io/mapping_application.h"
 
 namespace vio::app {
@@ -96,7 +97,7 @@ void print(const RunReport& r, const RunRequest& request) {
     if (r.covered_s > 0) std::printf("; %.1f x real time", real_time_ratio(r));
     std::printf("\nresults     %s\n", request.output.c_str());
     const std::string picture = request.output + "/snapshot.png";
-    std::printf("picture     %s\n", std::filesystem::exists(picture) ? picture.c_str() : "none");
+    std::printf("picture     %s\n", is_there(picture) ? picture.c_str() : "none");
     if (!r.picture_problem.empty()) std::printf("            %s\n", r.picture_problem.c_str());
     std::fflush(stdout);
 }

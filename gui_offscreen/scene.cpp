@@ -14,6 +14,7 @@
 #include "gui_offscreen/mesh.h"
 #include "gui_offscreen/palette.h"
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 
 namespace vio {
 namespace {
@@ -309,7 +310,7 @@ void save_scene(const COpenGLScene& scene, const std::string& file) {
 }
 
 COpenGLScene::Ptr load_scene(const std::string& file) {
-    if (!std::filesystem::is_regular_file(file))
+    if (!is_file(file))
         throw InputError(file + ": no such file; give a results folder, a rawlog or a .3Dscene");
     auto scene = COpenGLScene::Create();
     bool loaded = false;

@@ -3,12 +3,12 @@
 #include <filesystem>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 
 namespace vio {
 
 std::unique_ptr<const mrpt::config::CConfigFile> open_ini(const std::string& file) {
-    if (!std::filesystem::is_regular_file(file))
-        throw InputError(file + ": no such file; name an existing INI file");
+    if (!is_file(file)) throw InputError(file + ": no such file; name an existing INI file");
     try {
         return std::make_unique<const mrpt::config::CConfigFile>(file);
     } catch (const std::exception&) {  // a report of several lines

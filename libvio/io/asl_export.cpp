@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/camera/description.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/text.h"
@@ -166,7 +167,7 @@ AslExportReport export_asl(const std::string& rawlog_file, const std::string& di
                            const AslExportOptions& options,
                            const std::function<void(double)>& progress) {
     const fs::path root = fs::path(dir) / "mav0", partial = fs::path(dir) / "mav0.partial";
-    if (fs::exists(root))
+    if (is_there(root))
         throw InputError(root.string() + ": exists already; name another folder or remove it");
     Recording recording(rawlog_file, options.recording);
     std::error_code error;
@@ -181,7 +182,7 @@ AslExportReport export_asl(const std::string& rawlog_file, const std::string& di
         }
         std::string truth = options.truth_file;
         const fs::path beside = fs::path(rawlog_file).replace_extension(".truth.tum");
-        if (truth.empty() && fs::exists(beside)) truth = beside.string();
+        if (truth.empty() && is_there(beside)) truth = beside.string();
         if (!truth.empty()) exporter.put_truth(truth);
         exporter.finish(recording.rig(), rawlog_file);
         exporter.report.unusable = recording.left_out();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/sensor_text.h"
 #include "libvio/io/text.h"
 #include "libvio/io/trajectory_io.h"
@@ -107,17 +108,16 @@ class FeatureSource final : public MeasurementSource {
 };
 
 fs::path find_root(const std::string& dir) {
-    if (!fs::is_directory(dir)) throw InputError(dir + ": no such folder; name an ASL data set");
-    return fs::is_directory(fs::path(dir) / "mav0") ? fs::path(dir) / "mav0" : fs::path(dir);
+    if (!is_folder(dir)) throw InputError(dir + ": no such folder; name an ASL data set");
+    return is_folder(fs::path(dir) / "mav0") ? fs::path(dir) / "mav0" : fs::path(dir);
 }
 
 // The sensors' folders of a data set, for an error message.
 std::string folders_in(const fs::path& root) {
     std::set<std::string> names;
     for (const auto& entry : fs::directory_iterator(root))
-        if (fs::exists(entry.path() / "data.csv") || fs::exists(entry.path() / "sensor.yaml") ||
-            fs::exists(entry.path() / "features.csv") ||
-            fs::exists(entry.path() / "features.csv.gz"))
+        if (is_there(entry.path() / "data.csv") || is_there(entry.path() / "sensor.yaml") ||
+            is_there(entry.path() / "features.csv") || is_there(entry.path() / "features.csv.gz"))
             names.insert(entry.path().filename().string());
     std::string text;
     for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
@@ -127,17 +127,17 @@ std::string folders_in(const fs::path& root) {
 // The options with the IMU's folder, empty if there is none. A folder that was named is there.
 AslImportOptions with_folders(const fs::path& root, AslImportOptions options) {
     const bool imu_named = !options.imu.empty();
-    if (!imu_named && fs::is_directory(root / kUsualImu)) options.imu = kUsualImu;
+    if (!imu_named && is_folder(root / kUsualImu)) options.imu = kUsualImu;
     const std::string there = folders_in(root);
     for (const std::string& name : {options.camera, options.imu})
-        if (!name.empty() && !there.empty() && !fs::is_directory(root / name))
+        if (!name.empty() && !there.empty() && !is_folder(root / name))
             throw InputError((root / name).string() + ": no such folder; there are " + there);
     return options;
 }
 
 std::optional<fs::path> existing(std::initializer_list<fs::path> candidates) {
     for (const fs::path& path : candidates)
-        if (fs::is_regular_file(path)) return path;
+        if (is_file(path)) return path;
     return {};
 }
 
@@ -195,10 +195,10 @@ ImportReport import_asl(const std::string& dir, const std::string& out_rawlog,
     const fs::path root = find_root(dir);
     const AslImportOptions options = with_folders(root, given);
     const fs::path yaml = root / options.camera / "sensor.yaml";
-    if (!fs::exists(yaml) && fs::exists(root.parent_path() / kTumViCamera))
+    if (!is_there(yaml) && is_there(root.parent_path() / kTumViCamera))
         throw InputError(yaml.string() +
                          ": no such file; for a TUM-VI data set use `import tum-vi`");
-    if (!fs::exists(yaml))
+    if (!is_there(yaml))
         throw InputError(
             yaml.string() +
             ": no such file; name the folder that holds mav0/, or mav0 itself, and its "
@@ -223,7 +223,7 @@ ImportReport import_tum_vi(const std::string& dir, const std::string& out_rawlog
     const AslImportOptions options = with_folders(root, given);
     const fs::path camera = root.parent_path() / kTumViCamera, imu = root.parent_path() / kTumViImu;
     for (const fs::path& yaml : {camera, imu})
-        if (!fs::is_regular_file(yaml))
+        if (!is_file(yaml))
             throw InputError(yaml.string() +
                              ": no such file; name the folder of a TUM-VI data set, with dso/ and "
                              "mav0/ (of the export in EuRoC/DSO format)");

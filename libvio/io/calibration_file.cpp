@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/base/ini_file.h"
 #include "libvio/camera/description.h"
 #include "libvio/io/text.h"
@@ -55,12 +56,12 @@ struct Entry {
         return value_given;
     }
 
-    int size_px() const {
-        const double value_given = positive();
-        if (value_given != std::floor(value_given) || value_given > 100000)
+    int size_px(double value_given) const {
+        if (!(value_given > 0) || value_given != std::floor(value_given) || value_given > 100000)
             throw error("expected a whole number of pixels");
         return static_cast<int>(value_given);
     }
+    int size_px() const { return size_px(number()); }
 
     Pose pose() const {
         const auto v = numbers();
@@ -253,10 +254,11 @@ void load_mrpt(const std::string& file, const mrpt::config::CConfigFile& ini,
         return e;
     };
     CameraDescription d;
-    const auto size = entry("resolution").numbers();
-    if (size.size() != 2) throw entry("resolution").error("expected width and height");
-    d.lens.width = static_cast<int>(size[0]);
-    d.lens.height = static_cast<int>(size[1]);
+    const Entry resolution = entry("resolution");
+    const auto size = resolution.numbers();
+    if (size.size() != 2) throw resolution.error("expected width and height");
+    d.lens.width = resolution.size_px(size[0]);
+    d.lens.height = resolution.size_px(size[1]);
     d.lens.fx = entry("fx").positive();
     d.lens.fy = entry("fy").positive();
     d.lens.cx = entry("cx").number();
@@ -278,7 +280,7 @@ void load_mrpt(const std::string& file, const mrpt::config::CConfigFile& ini,
 }
 
 void load(const std::string& file, StatedRig& stated) {
-    if (!std::filesystem::is_regular_file(file))
+    if (!is_file(file))
         throw InputError(file + ": no such file; name an existing calibration file");
     const std::string extension = std::filesystem::path(file).extension().string();
     if (extension == ".yaml" || extension == ".yml") return load_yaml_calibration(file, stated);

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/accelerometer_stream.h"
 #include "libvio/io/calibration_file.h"
 
@@ -168,7 +169,7 @@ class CsvImuSource final : public MeasurementSource {
 };
 
 std::vector<fs::path> files_by_name(const fs::path& dir) {
-    if (!fs::is_directory(dir)) throw InputError(dir.string() + ": no such folder of images");
+    if (!is_folder(dir)) throw InputError(dir.string() + ": no such folder of images");
     std::set<fs::path> files;
     for (const auto& entry : fs::directory_iterator(dir))
         if (entry.is_regular_file()) files.insert(entry.path());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 
+#include "libvio/base/files.h"
 #include "libvio/io/left_out.h"
 
 namespace vio {
@@ -72,7 +73,7 @@ BitDepth find_bit_depth(int stated, const std::vector<std::filesystem::path>& fi
 
 cv::Mat read_grey(const std::filesystem::path& file) {
     // OpenCV itself would print a warning about a missing file.
-    if (!std::filesystem::is_regular_file(file)) return {};
+    if (!is_file(file)) return {};
     return cv::imread(file.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
 }
 

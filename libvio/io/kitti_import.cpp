@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/camera/perspective.h"
 #include "libvio/geometry/geodetic.h"
 #include "libvio/io/kitti_calibration.h"
@@ -50,7 +51,7 @@ using FieldColumns = std::array<size_t, kFieldNames.size()>;
 FieldColumns read_data_format(const fs::path& file) {
     // KITTI's order, should the file be missing.
     FieldColumns columns = {0, 1, 2, 3, 4, 5, 11, 12, 13, 17, 18, 19, 27};
-    if (!fs::exists(file)) return columns;
+    if (!is_there(file)) return columns;
     std::map<std::string, size_t> named;
     TextRows row(file.string());
     while (row.next()) {
@@ -129,7 +130,7 @@ std::vector<ImageFile> read_images(const fs::path& dir) {
 fs::path calibration_folder(const fs::path& drive, const std::string& given) {
     if (!given.empty()) return given;
     for (const fs::path& folder : {drive, drive.parent_path()})
-        if (fs::exists(folder / "calib_cam_to_cam.txt")) return folder;
+        if (is_there(folder / "calib_cam_to_cam.txt")) return folder;
     throw InputError(drive.string() +
                      ": no calib_cam_to_cam.txt here or above; unpack the day's calib.zip there or "
                      "name its folder with --calibration-dir");
@@ -161,7 +162,7 @@ std::optional<TimeNs> parse_date_time(std::string_view text) {
 ImportReport import_kitti(const std::string& dir, const std::string& out_rawlog,
                           const KittiImportOptions& options,
                           const std::function<void(double)>& progress) {
-    if (!fs::is_directory(dir))
+    if (!is_folder(dir))
         throw InputError(dir + ": no such folder; name a drive of KITTI's raw recordings");
     const fs::path drive = fs::canonical(dir);
     auto images = read_images(drive / options.camera);

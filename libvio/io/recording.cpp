@@ -9,6 +9,7 @@
 #include <set>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/rawlog_objects.h"
@@ -30,7 +31,7 @@ fs::path images_directory(const std::string& file) {
     const fs::path path(file);
     for (const char* suffix : {"_Images", "_images", "_IMAGES"}) {
         fs::path candidate = path.parent_path() / (path.stem().string() + suffix);
-        if (fs::is_directory(candidate)) return candidate;
+        if (is_folder(candidate)) return candidate;
     }
     return path.parent_path() / "Images";
 }
@@ -103,7 +104,7 @@ struct Recording::Impl {
           objects(file_name) {
         const std::string sidecar = calibration_sidecar(file);
         std::vector<std::string> files = options.calibration_files;
-        if (fs::exists(sidecar)) files.insert(files.begin(), sidecar);
+        if (is_there(sidecar)) files.insert(files.begin(), sidecar);
         load_calibrations(files, sensors.rig);
         if (!sensors.rig.camera && !sensors.camera_elsewhere.empty())
             throw InputError(file + ": its camera is of the model " + sensors.camera_elsewhere +
@@ -144,12 +145,12 @@ std::optional<Message> Recording::Impl::convert(const CActionCollection& actions
 
 // An image that is stored in a file.
 cv::Mat Recording::Impl::load(const std::string& name) const {
-    if (!fs::is_directory(images_dir))
+    if (!is_folder(images_dir))
         throw InputError("its images are files in " + images_dir.string() +
                          ", which is missing; keep that folder beside the rawlog");
     const fs::path path = images_dir / name;
     cv::Mat image =  // OpenCV itself would print a warning about a missing file
-        fs::exists(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
+        is_there(path) ? cv::imread(path.string(), cv::IMREAD_UNCHANGED) : cv::Mat();
     if (image.empty())
         throw UnusableMeasurement("image file " + path.string() + " is missing or damaged");
     return image;

@@ -11,6 +11,7 @@
 #include <map>
 #include <set>
 
+#include "libvio/base/files.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/rawlog_objects.h"
 #include "libvio/io/results.h"
@@ -189,7 +190,7 @@ std::optional<Stream> stream_of(const std::string& source) {
 Reference read_reference(const std::string& source, const ReferenceOptions& options) {
     Reference reference;
     reference.name = source;
-    if (std::filesystem::is_directory(source)) {
+    if (is_folder(source)) {
         const Estimate estimate = read_results(source);
         reference.poses = trajectory(estimate);
         reference.has_scale = estimate.has_scale;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "libvio/base/files.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/ply.h"
 #include "libvio/io/results_writer.h"
@@ -98,13 +99,13 @@ void read_summary(const std::string& file, Estimate& estimate) {
 
 void check_results_folder(const std::string& folder, bool overwrite) {
     std::error_code error;
-    if (fs::exists(folder) && !fs::is_directory(folder))
+    if (is_there(folder) && !is_folder(folder))
         throw InputError(folder + ": is a file; name a folder for the results");
     fs::create_directories(folder, error);
     if (error)
         throw InputError(folder + ": cannot be made (" + error.message() +
                          "); name a folder that can be written");
-    if (!overwrite && fs::exists(path_in(folder, "trajectory.tum")))
+    if (!overwrite && is_there(path_in(folder, "trajectory.tum")))
         throw InputError(folder +
                          ": holds results already; name another folder or overwrite (--overwrite)");
     const std::string probe = path_in(folder, "summary.json.probe");
@@ -121,9 +122,8 @@ void write_results(const std::string& folder, const Results& results, bool overw
 
 Estimate read_results(const std::string& folder) {
     const auto file = [&](const char* name) { return path_in(folder, name); };
-    if (!fs::is_directory(folder))
-        throw InputError(folder + ": no such folder; name a results folder");
-    if (!fs::exists(file("trajectory.tum")))
+    if (!is_folder(folder)) throw InputError(folder + ": no such folder; name a results folder");
+    if (!is_there(file("trajectory.tum")))
         throw InputError(folder + ": holds no trajectory.tum; name a results folder");
     Estimate estimate;
     for (const TimedPose& pose : read_trajectory(file("trajectory.tum"))) {
@@ -133,12 +133,12 @@ Estimate read_results(const std::string& folder) {
         estimate.states.push_back(state);
     }
     const auto optional = [&](const char* name, void (*read)(const std::string&, Estimate&)) {
-        if (fs::exists(file(name))) read(file(name), estimate);
+        if (is_there(file(name))) read(file(name), estimate);
     };
     optional("trajectory_cov.txt", read_covariances);
     optional("states.csv", read_states);
     optional("innovations.csv", read_innovations);
-    if (fs::exists(file("landmarks.ply"))) estimate.landmarks = read_ply(file("landmarks.ply"));
+    if (is_there(file("landmarks.ply"))) estimate.landmarks = read_ply(file("landmarks.ply"));
     optional("summary.json", read_summary);
     return estimate;
 }
@@ -146,7 +146,7 @@ Estimate read_results(const std::string& folder) {
 Rig read_results_rig(const std::string& folder) {
     Rig rig;
     const std::string file = path_in(folder, "calibration.ini");
-    if (fs::exists(file)) load_calibration(file, rig);
+    if (is_there(file)) load_calibration(file, rig);
     return rig;
 }
 

@@ -1,4 +1,5 @@
 #include "libvio/io/text.h"
+#include "libvio/base/files.h"
 
 #include <charconv>
 #include <cmath>
@@ -96,8 +97,7 @@ std::string format_seconds(TimeNs t) {
 }
 
 std::string read_text(const std::string& file) {
-    if (!std::filesystem::is_regular_file(file))
-        throw InputError(file + ": no such file; check the path");
+    if (!is_file(file)) throw InputError(file + ": no such file; check the path");
     std::ifstream in(file, std::ios::binary);
     std::ostringstream text;
     text << in.rdbuf();

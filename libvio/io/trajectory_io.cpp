@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "libvio/base/files.h"
 #include "libvio/io/text.h"
 
 namespace vio {
@@ -68,8 +69,8 @@ TimedPose parse_pose(const TextRows& row, Layout layout) {
 void add_kitti_times(const std::string& file, std::vector<TimedPose>& poses) {
     namespace fs = std::filesystem;
     fs::path times = kitti_times_file(file);
-    if (!fs::exists(times)) times = fs::path(file).parent_path() / "times.txt";
-    if (!fs::exists(times))
+    if (!is_there(times)) times = fs::path(file).parent_path() / "times.txt";
+    if (!is_there(times))
         throw InputError(file + ": KITTI poses carry no time; put the times beside them as " +
                          fs::path(kitti_times_file(file)).filename().string() + " or times.txt");
     TextRows row(times.string());

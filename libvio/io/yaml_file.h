@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/geometry/pose.h"
 #include "libvio/io/text.h"
 
@@ -21,8 +22,7 @@ inline constexpr double kMaxNonOrthogonality = 1e-3;
 class Yaml {
  public:
     explicit Yaml(const std::string& file) : place_(file) {
-        if (!std::filesystem::is_regular_file(file))
-            throw InputError(file + ": no such file; name an existing one");
+        if (!is_file(file)) throw InputError(file + ": no such file; name an existing one");
         try {
             root_.reset(YAML::LoadFile(file));
         } catch (const YAML::Exception& reason) {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "libvio/base/files.h"
 #include "libvio/io/yaml_file.h"
 #include "libvio/ros2/unpack.h"
 
@@ -72,7 +73,7 @@ std::unique_ptr<BagFile> open_file(const fs::path& path) {
 
 std::vector<fs::path> listed_files(const fs::path& folder) {
     const fs::path metadata = folder / "metadata.yaml";
-    if (!fs::exists(metadata))
+    if (!is_there(metadata))
         throw InputError(folder.string() +
                          ": holds no metadata.yaml; name a ROS 2 bag's folder, or its .db3 or "
                          ".mcap file");
@@ -81,7 +82,7 @@ std::vector<fs::path> listed_files(const fs::path& folder) {
     for (const auto& name : information.get<std::vector<std::string>>("relative_file_paths")) {
         // ROS 2 Dashing wrote them relative to the folder above.
         const fs::path file = folder / name;
-        files.push_back(fs::exists(file) ? file : folder / fs::path(name).filename());
+        files.push_back(is_there(file) ? file : folder / fs::path(name).filename());
     }
     if (files.empty()) throw information.error("relative_file_paths", "lists no files");
     return files;
@@ -91,7 +92,7 @@ std::vector<fs::path> listed_files(const fs::path& folder) {
 
 Ros2Bag::Ros2Bag(const std::string& path) : path_(path) {
     std::vector<fs::path> files = {path};
-    if (fs::is_directory(path)) files = listed_files(path);
+    if (is_folder(path)) files = listed_files(path);
     for (const fs::path& file : files) {
         files_.push_back(open_file(file));
         for (const BagTopic& topic : files_.back()->topics())

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/base/median.h"
 #include "libvio/io/rawlog_writer.h"
 #include "libvio/io/text.h"
@@ -114,7 +115,7 @@ void slow_states(const std::string& in, const std::string& out, const ImuSlower&
 void slow_truth(const std::string& in, const std::string& out, const ImuSlower& slower,
                 double factor, SlowReport& report) {
     const auto exists = [&](const char* ending) {
-        if (!fs::is_regular_file(beside(in, ending))) return false;
+        if (!is_file(beside(in, ending))) return false;
         report.truth_files.push_back(beside(out, ending));
         return true;
     };

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "libvio/base/errors.h"
+#include "libvio/base/files.h"
 #include "libvio/io/calibration_file.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "libvio/io/sensors.h"
@@ -152,7 +153,7 @@ void MotionEstimator::set_option(const std::string& assignment) {
 }
 
 void MotionEstimator::set_calibration(const std::string& file) {
-    if (!std::filesystem::is_regular_file(file))
+    if (!is_file(file))
         throw InputError(file + ": no such file; name an existing calibration file");
     impl_->before_the_first().recording.calibration_files.push_back(file);
 }

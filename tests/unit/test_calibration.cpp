@@ -177,6 +177,13 @@ TEST(Calibration, ReadsMrptsOwnFiles) {
     EXPECT_EQ(d.model, "perspective");
     EXPECT_EQ(d.lens.distortion[4], 0.5);
     EXPECT_EQ(d.lens.width, 640);
+    for (const char* size : {"[1e11 480]", "[640 -480]", "[640.5 480]"}) {
+        write_text(folder / "size.ini", std::string("[CAMERA_PARAMS]\nresolution = ") + size +
+                                            "\nfx = 500\nfy = 500\ncx = 320\ncy = 240\n");
+        const std::string error =
+            test::error_of([&] { load_calibration(folder / "size.ini", rig); });
+        EXPECT_NE(error.find("whole number of pixels"), std::string::npos) << size << error;
+    }
 }
 
 TEST(Calibration, SurveyedPointsAreAsSureAsTheirRowsSay) {
