@@ -22,6 +22,8 @@
 //   x (1 + s^2 I) / (1 + s^2 x^2 I),  and leaves the variance  s^2 / (1 + s^2 x^2 I):
 // the gain times a score of mean x I and variance I. As I depends on what is moved between two
 // images, and its own randomness must not choose among corrections, n and I are means over updates.
+// All of it is of first order: after a correction too large for that n comes out negative, and C
+// and V begin anew.
 //
 // V is that of core, mount and clones: with that of landmarks n would be the same to 2 % (crane).
 // With many landmarks C would cost several times what the filter does; then it is that of core and

@@ -228,8 +228,12 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     }
     innovations_ = innovations;
     if (sensitive) take_out_noise(rows);
-    const bool doubtful = sensitive && reading.size() > 0 && in_variables_->has_landmarks();
+    bool doubtful = sensitive && reading.size() > 0 && in_variables_->has_landmarks();
     const ToldOfScale told = doubtful ? told_of_scale(rows, reading) : ToldOfScale();
+    if (told.noise < 0) {  // what cannot be: corrections were too large for the first order of C
+        in_variables_->forget();
+        doubtful = false;
+    }
     reduce_covariance(rows, reading);
     update_sensitivity(rows, sensitive);
     if (doubtful) {
