@@ -1,7 +1,6 @@
 // vio-slam reproduce: the paper's tables and figures on simulated recordings.
 #include <algorithm>
 #include <chrono>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 

@@ -1,7 +1,6 @@
 // vio-slam run: the motion behind a rawlog.
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <vector>

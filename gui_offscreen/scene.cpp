@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 
 #include "gui_offscreen/framing.h"
 #include "gui_offscreen/mesh.h"

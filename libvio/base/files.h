@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <system_error>
 
 namespace vio {
 

@@ -1,7 +1,5 @@
 #include "libvio/base/ini_file.h"
 
-#include <filesystem>
-
 #include "libvio/base/errors.h"
 #include "libvio/base/files.h"
 

@@ -6,7 +6,6 @@
 #include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/topography/conversions.h>
 
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <set>

@@ -1,5 +1,4 @@
 #include "libvio/io/text.h"
-#include "libvio/base/files.h"
 
 #include <charconv>
 #include <cmath>
@@ -7,6 +6,8 @@
 #include <fstream>
 #include <limits>
 #include <sstream>
+
+#include "libvio/base/files.h"
 
 namespace vio {
 namespace {
