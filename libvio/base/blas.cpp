@@ -15,6 +15,12 @@ void dgemm_(const char* transa, const char* transb, const int* m, const int* n, 
 void dtrsm_(const char* side, const char* uplo, const char* trans, const char* diag, const int* m,
             const int* n, const double* alpha, const double* a, const int* lda, double* b,
             const int* ldb);
+void dsymv_(const char* uplo, const int* n, const double* alpha, const double* a, const int* lda,
+            const double* x, const int* incx, const double* beta, double* y, const int* incy);
+void dsyr_(const char* uplo, const int* n, const double* alpha, const double* x, const int* incx,
+           double* a, const int* lda);
+void dsyr2_(const char* uplo, const int* n, const double* alpha, const double* x, const int* incx,
+            const double* y, const int* incy, double* a, const int* lda);
 // Of OpenBLAS, where it is the BLAS; null otherwise.
 [[gnu::weak]] void openblas_set_num_threads(int threads);
 [[gnu::weak]] int openblas_get_num_threads();
@@ -27,7 +33,8 @@ namespace {
 typedef double Pack __attribute__((vector_size(64), aligned(8), may_alias));
 constexpr int kPack = sizeof(Pack) / sizeof(double);
 
-constexpr double kOne = 1, kMinusOne = -1;
+constexpr double kZero = 0, kOne = 1, kMinusOne = -1;
+constexpr int kNext = 1;  // from an entry of a vector to the next
 
 std::mutex serial_mutex;
 int serial_count = 0, threads_before = 1;
@@ -74,6 +81,23 @@ void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matri
     const int lda = stride(A), ldb = stride(B), ldc = stride(C);
     if (m > 0 && n > 0 && k > 0)
         dgemm_("N", "T", &m, &n, &k, &alpha, A.data(), &lda, B.data(), &ldb, &kOne, C.data(), &ldc);
+}
+
+Eigen::VectorXd symmetric_times(const ConstMatrix& A, const Eigen::VectorXd& x) {
+    const int n = static_cast<int>(A.rows()), lda = stride(A);
+    Eigen::VectorXd y(n);
+    if (n > 0) dsymv_("L", &n, &kOne, A.data(), &lda, x.data(), &kNext, &kZero, y.data(), &kNext);
+    return y;
+}
+
+void add_square(double alpha, const Eigen::VectorXd& x, Matrix A) {
+    const int n = static_cast<int>(A.rows()), lda = stride(A);
+    if (n > 0) dsyr_("L", &n, &alpha, x.data(), &kNext, A.data(), &lda);
+}
+
+void add_pair(const Eigen::VectorXd& x, const Eigen::VectorXd& y, Matrix A) {
+    const int n = static_cast<int>(A.rows()), lda = stride(A);
+    if (n > 0) dsyr2_("L", &n, &kOne, x.data(), &kNext, y.data(), &kNext, A.data(), &lda);
 }
 
 VIO_EACH_PROCESSOR

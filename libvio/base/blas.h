@@ -25,6 +25,12 @@ using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd>;
 void subtract_square(const ConstMatrix& A, Matrix C);
 /// C += alpha A B^T.
 void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matrix C);
+/// A x with A symmetric, of which the lower triangle is read.
+Eigen::VectorXd symmetric_times(const ConstMatrix& A, const Eigen::VectorXd& x);
+/// A += alpha x x^T, lower triangle.
+void add_square(double alpha, const Eigen::VectorXd& x, Matrix A);
+/// A += x y^T + y x^T, lower triangle.
+void add_pair(const Eigen::VectorXd& x, const Eigen::VectorXd& y, Matrix A);
 /// C <- A S^T with few columns of A that stand apart, in loops of our own since BLAS has none for
 /// it: `columns` lists the `count` columns of A, each of `rows` entries; S: 2 x count,
 /// column-major. The two columns of C overlap none of A's.

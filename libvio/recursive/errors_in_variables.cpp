@@ -26,7 +26,8 @@ ErrorsInVariables::ErrorsInVariables()
 void ErrorsInVariables::forget() {
     C_.setZero();
     V_.setZero();
-    information_ = noise_ = 0;
+    information_ = noise_ = latest_noise_ = 0;
+    updates_ = 0;
 }
 
 void ErrorsInVariables::propagate(const CoreMatrix& transition, const CoreMatrix& noise,
@@ -173,9 +174,11 @@ void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& tim
     mirror_lower(V_);
 }
 
-double ErrorsInVariables::share_of_motion(double information, double noise) {
+double ErrorsInVariables::share_of_motion(double information, std::optional<double> noise) {
+    ++updates_;
+    latest_noise_ = noise.value_or(latest_noise_);
     information_ += (information - information_) / kUpdates;
-    noise_ += (noise - noise_) / kUpdates;
+    noise_ += (latest_noise_ - noise_) / kUpdates;
     return information_ > 0 ? std::clamp(1 - noise_ / information_, 0.0, 1.0) : 1;
 }
 

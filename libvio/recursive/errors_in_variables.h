@@ -31,7 +31,9 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "libvio/base/blas.h"
@@ -84,12 +86,17 @@ class ErrorsInVariables {
     void take_out(const TimesHt& times_Ht, const blas::ConstMatrix& L);
     /// Then the errors become (I - gain H) times what they were, and noise.
     void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht);
-    /// x above, after an update of which I and n are given.
-    double share_of_motion(double information, double noise);
+    /// Whether n of the next update is wanted: of every few, as it changes slowly and is dear.
+    bool noise_due() const { return updates_ % kNoiseEvery == 0; }
+    /// x above, after an update of which I is given, and n if it was due.
+    double share_of_motion(double information, std::optional<double> noise);
 
  private:
     Eigen::MatrixXd C_, V_;
+    static constexpr int kNoiseEvery = 4;
     double information_ = 0, noise_ = 0;  // means over the last updates
+    double latest_noise_ = 0;
+    std::int64_t updates_ = 0;  // with a share of motion
     // What waits for the other errors r: C_cr = transition C_cr + coupling P_cr, C_rc = C_rc
     // transition^T.
     CoreMatrix transition_, coupling_;

@@ -225,9 +225,10 @@ class FilterState {
     void update_sensitivity(const Rows& H, bool trusted);
     template <typename Rows>
     void take_out_noise(const Rows& H);
-    // s^2, I and n of errors_in_variables.h.
+    // s^2, I and, where it is due, n of errors_in_variables.h.
     struct ToldOfScale {
-        double variance = 0, information = 0, noise = 0;
+        double variance = 0, information = 0;
+        std::optional<double> noise;
     };
     ToldOfScale told_of_scale(const std::vector<PointRows>& rows,
                               const Eigen::VectorXd& reading) const;

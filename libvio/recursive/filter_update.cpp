@@ -230,7 +230,8 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     if (sensitive) take_out_noise(rows);
     bool doubtful = sensitive && reading.size() > 0 && in_variables_->has_landmarks();
     const ToldOfScale told = doubtful ? told_of_scale(rows, reading) : ToldOfScale();
-    if (told.noise < 0) {  // what cannot be: corrections were too large for the first order of C
+    if (told.noise &&
+        *told.noise < 0) {  // what cannot be: corrections were too large for the first order of C
         in_variables_->forget();
         doubtful = false;
     }
@@ -338,6 +339,8 @@ FilterState::ToldOfScale FilterState::told_of_scale(const std::vector<PointRows>
     if (u_.size() > 0) h += u_;
     L_.triangularView<Eigen::Lower>().solveInPlace(h);
     const double left = std::max(kLeast, 1 - variance * h.squaredNorm());  // 1 / (1 + s^2 I)
+    const double information = h.squaredNorm() / left;
+    if (!in_variables_->noise_due()) return {variance, information, std::nullopt};
 
     const MatrixXd& V = in_variables_->noise();
     MatrixXd Ht = MatrixXd::Zero(V.rows(), L_.rows());  // L^-T
@@ -356,7 +359,7 @@ FilterState::ToldOfScale FilterState::told_of_scale(const std::vector<PointRows>
     minus.diagonal() /= 2;
     double noise = -2 * V.cwiseProduct(minus).sum();
     noise += variance / left * weighted_h.dot(V * weighted_h);  // S^-1 to S0^-1
-    return {variance, h.squaredNorm() / left, noise};
+    return {variance, information, noise};
 }
 
 // After the covariance has been reduced; delta: the correction.
@@ -364,12 +367,10 @@ void FilterState::doubt_scale(const ToldOfScale& told, const VectorXd& reading, 
     const double x = in_variables_->share_of_motion(told.information, told.noise),
                  taken = 1 + told.variance * told.information,
                  meant = 1 + told.variance * x * x * told.information;
-    auto P_lower = P().selfadjointView<Eigen::Lower>();
-    VectorXd g = P_reading_;
-    if (u_.size() == 0) g = P_lower * reading;
+    VectorXd g = u_.size() > 0 ? P_reading_ : blas::symmetric_times(P(), reading);
     const double variance = reading.dot(g);
     g /= variance;
-    P_lower.rankUpdate(g, variance * (taken / meant - 1));
+    blas::add_square(variance * (taken / meant - 1), g, P());
     *delta -= (1 - x * taken / meant) * reading.dot(*delta) * g;
 }
 
@@ -463,10 +464,9 @@ VectorXd FilterState::scale_reading() const {
 }
 
 void FilterState::carry_scale(const VectorXd& change, const VectorXd& reading) {
-    auto P_lower = P().selfadjointView<Eigen::Lower>();
-    const VectorXd P_reading = P_lower * reading;
+    const VectorXd P_reading = blas::symmetric_times(P(), reading);
     const VectorXd half = P_reading + 0.5 * reading.dot(P_reading) * change;
-    P_lower.rankUpdate(half, change, 1.0);
+    blas::add_pair(half, change, P());
 }
 
 // The errors from `at` on, of core or clones, become T times what they were: in the columns of the
