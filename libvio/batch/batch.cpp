@@ -130,7 +130,8 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
     }
 
     // 3. What is published: frames, covariances, and what they leave open.
-    const Stage stage{options.gravity == "free", options.loss};
+    const Stage stage{
+        .gravity_free = options.gravity == "free", .loss = options.loss, .information = true};
     Objective objective(course.model, options, stage);
     NormalEquations equations(course.model, make_layout(course.model, options),
                               objective.threads());

@@ -12,27 +12,6 @@
 
 namespace vio::batch {
 
-namespace {
-
-constexpr double kWorth = 1e-2;  // of the cost: what is worth a further step of one point or pose
-
-}  // namespace
-
-double Objective::robust(double distance2) const {
-    const double c2 = options_.loss_width * options_.loss_width;
-    if (stage_.loss == "cauchy") return c2 * std::log1p(distance2 / c2);
-    if (stage_.loss == "huber" && distance2 > c2)
-        return 2 * options_.loss_width * std::sqrt(distance2) - c2;
-    return distance2;
-}
-
-double Objective::robust_weight(double distance2) const {
-    const double c2 = options_.loss_width * options_.loss_width;
-    if (stage_.loss == "cauchy") return 1 / (1 + distance2 / c2);
-    if (stage_.loss == "huber" && distance2 > c2) return options_.loss_width / std::sqrt(distance2);
-    return 1;
-}
-
 std::optional<Eigen::Vector2d> Objective::image_residual(const State& state,
                                                          const Observation& observation) const {
     const InertialState& I = state.frames[observation.frame_idx].motion;
@@ -75,8 +54,8 @@ void Objective::add_observation(const State& state, int k, const Eigen::Matrix<d
     const int i = observation.frame_idx, j = observation.point_idx;
     const InertialState& I = state.frames[i].motion;
     const double distance2 = r.squaredNorm();
-    sums.cost += robust(distance2);
-    const double w = robust_weight(distance2);
+    sums.cost += loss_.cost(distance2);
+    const double w = image_weight(distance2);
     const Eigen::Matrix<double, N, 3> J_I = J_C * model_.T_C_I.R;
     const Eigen::Matrix<double, N, 3> J_X = J_I * I.R.transpose(), weighted_X = w * J_X;
     eq.V[j].noalias() += weighted_X.transpose() * J_X;
@@ -122,7 +101,7 @@ void Objective::linearize_observation(const State& state, int k, NormalEquations
         add_observation(state, k, r, J, eq, sums);
     };
     if (with_residual(state, model_.observations[k], add)) return;
-    sums.cost += robust(largest_distance2_);
+    sums.cost += loss_.cost(largest_distance2_);
     eq.W[k].setZero();
 }
 
@@ -135,13 +114,13 @@ Objective::PointSums Objective::point_sums(const State& state, int j) const {
         const Eigen::Matrix3d R_C_W =
             model_.T_C_I.R * state.frames[observation.frame_idx].motion.R.transpose();
         const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
-            const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
+            const double distance2 = r.squaredNorm(), w = image_weight(distance2);
             const auto J_X = (J_C * R_C_W).eval();
             sums.V.noalias() += w * J_X.transpose() * J_X;
             sums.b.noalias() += w * J_X.transpose() * r;
-            sums.cost += robust(distance2);
+            sums.cost += loss_.cost(distance2);
         });
-        if (!pulls) sums.cost += robust(largest_distance2_);
+        if (!pulls) sums.cost += loss_.cost(largest_distance2_);
     }
     return sums;
 }
@@ -160,7 +139,7 @@ double Objective::settle_point(int j, State& state) const {
             cost = sums.cost;
             if (undetermined(sums.V)) break;
             step = -sums.V.llt().solve(sums.b);
-            if (-step.dot(sums.b) < kWorth) break;
+            if (-step.dot(sums.b) < worth()) break;
         } else {
             step /= 4;
         }
@@ -174,7 +153,7 @@ double Objective::settle_point(int j, State& state) const {
 // point just before a camera must follow that camera, or its image is anywhere.
 double Objective::settle_point(int j, const State& from, State& state) const {
     const double cost = settle_point(j, state);
-    if (cost <= point_costs_[j] + kWorth) return cost;
+    if (cost <= point_costs_[j] + worth()) return cost;
     const Point& point = model_.points[j];
     const Eigen::Vector3d& p_W = from.points[j];
     int nearest = 0;
@@ -220,15 +199,15 @@ Objective::OnePose Objective::one_pose(const State& state,
         const InertialState& I = state.frames[observation.frame_idx].motion;
         const Eigen::Vector3d p_I = I.R.transpose() * (state.points[observation.point_idx] - I.p);
         const bool pulls = with_residual(state, observation, [&](const auto& r, const auto& J_C) {
-            const double distance2 = r.squaredNorm(), w = robust_weight(distance2);
+            const double distance2 = r.squaredNorm(), w = image_weight(distance2);
             const auto J_I = (J_C * model_.T_C_I.R).eval();
             Eigen::Matrix<double, std::decay_t<decltype(r)>::RowsAtCompileTime, 6> J;
             J << J_I * so3::skew(p_I), -J_I * I.R.transpose();
             sums.H.noalias() += w * J.transpose() * J;
             sums.g.noalias() += w * J.transpose() * r;
-            sums.cost += robust(distance2);
+            sums.cost += loss_.cost(distance2);
         });
-        if (!pulls) sums.cost += robust(largest_distance2_);
+        if (!pulls) sums.cost += loss_.cost(largest_distance2_);
     }
     return sums;
 }
@@ -244,7 +223,7 @@ void Objective::settle_pose(int frame, const std::vector<int>& observations, Sta
         Matrix6d H = sums.H;
         H.diagonal() *= 1 + lambda;
         const Vector6d d = -H.ldlt().solve(sums.g);
-        if (!d.allFinite() || -d.dot(sums.g) < kWorth) break;
+        if (!d.allFinite() || -d.dot(sums.g) < worth()) break;
         const InertialState kept = pose;
         const Pose moved = Pose{pose.R, pose.p}.boxplus(d);
         pose.R = moved.R;

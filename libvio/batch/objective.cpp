@@ -27,6 +27,7 @@ Objective::Objective(const Model& model, const BatchOptions& options, const Stag
     : model_(model),
       options_(options),
       stage_(stage),
+      loss_(stage.loss, options.loss_width),
       threads_(thread_count(options)),
       surveyed_(model.surveyed()),
       point_costs_(model.points.size(), 0.0),
@@ -66,7 +67,7 @@ Cost Objective::evaluate(const State& state) const {
         for (int k = piece_begin(observations, kPieces, piece);
              k < piece_begin(observations, kPieces, piece + 1); ++k)
             if (const Observation& observation = model_.observations[k]; observation.active)
-                parts[piece] += robust(observation_distance2(state, observation));
+                parts[piece] += loss_.cost(observation_distance2(state, observation));
     });
     for (const double part : parts) cost.image += part;
     return cost;

@@ -6,6 +6,7 @@
 
 #include "libvio/batch/model.h"
 #include "libvio/batch/normal_equations.h"
+#include "libvio/batch/robust_loss.h"
 
 namespace vio::batch {
 
@@ -22,6 +23,9 @@ struct Stage {
     /// Observations that are off by more than the image's diagonal, or out of sight, cost that much
     /// and exert no pull: far from the solution they would pull anywhere.
     bool truncated = false;
+    /// The normal equations are the information that measurements give, for covariances, not the
+    /// model of the cost that leads to its minimum; see robust_loss.h.
+    bool information = false;
 };
 
 /// Parts of the rig that are unknown too, in this order: T_I_C (6, in the pose's tangent order),
@@ -106,7 +110,7 @@ class Objective {
     double observation_distance2(const State& state, const Observation& observation) const;
     /// After the robust loss.
     double observation_cost(const State& state, const Observation& observation) const {
-        return robust(observation_distance2(state, observation));
+        return loss_.cost(observation_distance2(state, observation));
     }
 
  private:
@@ -125,8 +129,11 @@ class Objective {
         double cost = 0;
     };
     Interval make_interval(int i, const ImuBias& bias) const;
-    double robust(double distance2) const;
-    double robust_weight(double distance2) const;
+    // Of the cost: what is worth a further step of one point or pose.
+    double worth() const { return 1e-2 * loss_.weight(0); }
+    double image_weight(double distance2) const {
+        return (stage_.information ? loss_.information() : 1) * loss_.weight(distance2);
+    }
     void reintegrate(const State& state);
     double interval_cost(const State& state, int i) const;
     Eigen::Vector3d moved_point(const State& state, const State& next, const Step& step,
@@ -182,6 +189,7 @@ class Objective {
     const Model& model_;
     BatchOptions options_;
     Stage stage_;
+    RobustLoss loss_;
     int threads_;
     bool surveyed_;
     double largest_distance2_;  ///< that an observation can have; infinite unless truncated

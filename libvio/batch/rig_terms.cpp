@@ -31,7 +31,7 @@ void Objective::add_rig_image(const State& state, const RigUnknowns& unknowns,
         if (d_intrinsics)
             J.middleCols(first_intrinsic, unknowns.intrinsics) =
                 observation.sqrt_information * (*d_intrinsics)(p_C);
-        const Eigen::Matrix2Xd weighted = robust_weight(r.squaredNorm()) * J;
+        const Eigen::Matrix2Xd weighted = image_weight(r.squaredNorm()) * J;
         border.H.noalias() += weighted.transpose() * J;
         border.gradient.noalias() += weighted.transpose() * r;
         const Matrix23d J_X = J_C * model_.T_C_I.R * I.R.transpose();

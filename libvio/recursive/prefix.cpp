@@ -50,6 +50,37 @@ double share_of_motion(const Estimate& estimate, const ImuSequence& imu, const R
     return 1 - degrees / sum;
 }
 
+// The batch estimate takes for motion what noise adds to it, hence is too sure of its scale: its
+// variance becomes 1 / share of what it was, and with it what the other errors share of it. The
+// common error of the landmarks' distances reads it.
+void widen_scale(BatchTail& tail, double share) {
+    Eigen::VectorXd reading = Eigen::VectorXd::Zero(tail.covariance.rows());
+    double sum = 0;
+    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
+        const auto at = 15 + 3 * static_cast<Eigen::Index>(i);
+        const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
+        const double weight = 1 / d.dot(tail.covariance.block<3, 3>(at, at) * d);  // to first order
+        const Eigen::Vector3d own = weight * d;
+        reading.segment<3>(at) += own;
+        reading.segment<3>(kPosition) -= own;
+        sum += weight * d.squaredNorm();
+    }
+    if (!(sum > 0)) return;
+    const Eigen::VectorXd shared = tail.covariance * (reading / sum);
+    const double variance = reading.dot(shared) / sum;
+    tail.covariance += (1 / share - 1) / variance * shared * shared.transpose();
+    tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
+}
+
+// Likewise, for a state before: what is travelled is as much too long as scale is too large.
+void widen_scale(StateEstimate& state, const StateEstimate& first, double scale_sigma,
+                 double share) {
+    Vector6d travelled;
+    travelled << state.T_W_B.p - first.T_W_B.p, state.v_W;
+    state.covariance.block<6, 6>(kPosition, kPosition) +=
+        (1 / share - 1) * scale_sigma * scale_sigma * travelled * travelled.transpose();
+}
+
 // Relative standard deviations of the distances of the points in sight, in ascending order.
 std::vector<double> range_sigmas(const BatchTail& tail) {
     std::vector<double> sigmas;
@@ -224,14 +255,18 @@ std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
     if (result.tail && result.tail->covariance.allFinite())
         gyro_bias_ = {result.tail->state.gyro_bias,
                       result.tail->covariance.block<3, 3>(kGyroBias, kGyroBias)};
-    std::string why = why_not(result, problem.imu);
+    const double share = use_imu_ ? share_of_motion(result.estimate, problem.imu, rig_) : 1;
+    std::string why = why_not(result, share);
     if (!why.empty()) return fail(std::move(why));
+    for (StateEstimate& state : result.estimate.states)
+        widen_scale(state, result.estimate.states.front(), result.report.scale_sigma, share);
+    widen_scale(*result.tail, share);
     return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
                  std::move(*result.tail), std::move(mount)};
 }
 
 // The value that forbids to start at a result, and its limit; empty: none.
-std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) const {
+std::string Prefix::why_not(const BatchResult& result, double share_of_motion) const {
     if (!result.report.converged) return "prefix not converged: " + result.report.reason;
     if (!result.tail || result.tail->landmarks.empty())
         return "prefix has no landmarks in its last image";
@@ -247,11 +282,8 @@ std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) c
     if (!(tilt <= options_.start_tilt_sigma))
         return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
                        options_.start_tilt_sigma);
-    // The batch estimate takes for motion what noise adds to it, hence is too sure of its scale
-    // where there is little else.
-    const double motion = share_of_motion(result.estimate, imu, rig_);
-    if (motion == 0) return "the readings' changes of velocity are no more than noise";
-    const double scale = result.report.scale_sigma / std::sqrt(motion);
+    if (share_of_motion == 0) return "the readings' changes of velocity are no more than noise";
+    const double scale = result.report.scale_sigma / std::sqrt(share_of_motion);
     if (!(scale <= options_.start_scale_sigma))
         return printed("prefix scale uncertain: sigma %.3g, limit %.3g", scale,
                        options_.start_scale_sigma);
