@@ -3,7 +3,10 @@
 #include <mrpt/serialization/CArchive.h>
 
 #include <cstdint>
+#include <iostream>
+#include <list>
 #include <new>
+#include <stdexcept>
 #include <vector>
 
 #include "libvio/io/feature_observation.h"
@@ -22,6 +25,25 @@ std::string mrpt_reason(const std::string& report) {
     return one_line(message.substr(0, message.find("\nLocation"))).substr(0, 160);
 }
 
+// Where a name in the file is that of an abstract class, MRPT complains on standard error and goes
+// on without an object. From here on it throws; that these names are given anew it would tell, too.
+bool refuse_abstract_classes() {
+    static std::list<mrpt::rtti::TRuntimeClassId> refused;  // MRPT keeps addresses
+    std::streambuf* const error_output = std::cerr.rdbuf(nullptr);
+    for (const auto* known : mrpt::rtti::getAllRegisteredClasses()) {
+        if (known->ptrCreateObject) continue;
+        const std::string name = known->className;
+        refused.push_back(*known);
+        refused.back().ptrCreateObject = [name]() -> std::shared_ptr<mrpt::rtti::CObject> {
+            throw std::runtime_error("an object of class " + name + ", which is abstract");
+        };
+        mrpt::rtti::registerClassCustomName(refused.back().className, &refused.back());
+    }
+    std::cerr.rdbuf(error_output);
+    std::cerr.clear();
+    return true;
+}
+
 const std::string& known_as_none_other(const std::string& file) {
     refuse_foreign_input(file);
     return file;
@@ -31,6 +53,7 @@ const std::string& known_as_none_other(const std::string& file) {
 
 RawlogObjects::RawlogObjects(const std::string& file) : input_(known_as_none_other(file)) {
     register_mrpt_classes();
+    [[maybe_unused]] static const bool done = refuse_abstract_classes();
 }
 
 mrpt::serialization::CSerializable::Ptr RawlogObjects::next() {

@@ -118,6 +118,16 @@ TEST_F(FileFaults, BytesFlipped) {
 }
 
 // One reading that is no number ends nothing: it is left out, counted, and named.
+// MRPT itself says so in words of its own.
+TEST_F(FileFaults, ObjectOfAnAbstractClass) {
+    for (const std::string name : {"mrpt::obs::CObservation", "CObservation"}) {
+        const char length = static_cast<char>(name.size() | 0x80), version = 0, end = -120;
+        const std::string file = file_of(length + name + version + end);
+        expect_one_line(program("check " + file),
+                        "class mrpt::obs::CObservation, which is abstract");
+    }
+}
+
 TEST_F(FileFaults, ReadingNotFinite) {
     Written recording = as_written(good_recording());
     const auto half =

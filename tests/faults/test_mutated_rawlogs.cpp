@@ -1,6 +1,6 @@
 // The program on rawlogs in which bytes were changed, cut out, doubled or exchanged: a result or
 // one clear line, whatever they hold. VIO_MUTATIONS says how many (tests/fuzz/mutated.sh: 1000,
-// with the sanitizers).
+// with the sanitizers), VIO_FIRST_MUTATION where to begin.
 #include <gtest/gtest.h>
 
 #include <zlib.h>
@@ -104,14 +104,17 @@ ProgramResult judged_run(const std::string& arguments, const std::string& folder
 }
 
 TEST(MutatedRawlogs, GiveAResultOrOneLine) {
-    const char* wanted = std::getenv("VIO_MUTATIONS");
-    const int count = wanted ? std::atoi(wanted) : 12;
+    const auto stated = [](const char* name, int otherwise) {
+        const char* value = std::getenv(name);
+        return value ? std::atoi(value) : otherwise;
+    };
+    const int first = stated("VIO_FIRST_MUTATION", 0), count = stated("VIO_MUTATIONS", 12);
     const ScratchFolder folder;
     const std::string recordings[] = {small_recording(folder, false),
                                       small_recording(folder, true)};
     const std::string file = folder / "mutated.rawlog";
     int results = 0, lines = 0;
-    for (int i = 0; i < count; ++i) {
+    for (int i = first; i < first + count; ++i) {
         Mutator mutator(static_cast<std::uint64_t>(i));
         std::ofstream(file, std::ios::binary) << mutator.mutate(recordings[i % 2]);
         const std::string command =
