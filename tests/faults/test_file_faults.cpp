@@ -117,8 +117,7 @@ TEST_F(FileFaults, BytesFlipped) {
     EXPECT_GT(told, kFlips * 8 / 10);
 }
 
-// One reading that is no number ends nothing: it is left out, counted, and named.
-// MRPT itself says so in words of its own.
+// MRPT itself would say so in words of its own, and go on without an object.
 TEST_F(FileFaults, ObjectOfAnAbstractClass) {
     for (const std::string name : {"mrpt::obs::CObservation", "CObservation"}) {
         const char length = static_cast<char>(name.size() | 0x80), version = 0, end = -120;
@@ -128,6 +127,7 @@ TEST_F(FileFaults, ObjectOfAnAbstractClass) {
     }
 }
 
+// One reading that is no number ends nothing: it is left out, counted, and named.
 TEST_F(FileFaults, ReadingNotFinite) {
     Written recording = as_written(good_recording());
     const auto half =
