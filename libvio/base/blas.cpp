@@ -85,7 +85,7 @@ void add_product(double alpha, const ConstMatrix& A, const ConstMatrix& B, Matri
 
 Eigen::VectorXd symmetric_times(const ConstMatrix& A, const Eigen::VectorXd& x) {
     const int n = static_cast<int>(A.rows()), lda = stride(A);
-    Eigen::VectorXd y(n);
+    Eigen::VectorXd y = Eigen::VectorXd::Zero(n);
     if (n > 0) dsymv_("L", &n, &kOne, A.data(), &lda, x.data(), &kNext, &kZero, y.data(), &kNext);
     return y;
 }

@@ -62,9 +62,13 @@ bool free_trapped_points(Course& course) {
     return moved_any;
 }
 
-// Cost that noise explains: two for each observation.
-double explained_cost(const Model& model) {
-    return 2 * static_cast<double>(model.observations.size());
+// Of an estimate that starts from nothing.
+const Stage kFromNothing{.gravity_free = true, .loss = "huber", .truncated = true};
+
+// Cost that noise explains, then.
+double explained_cost(const Course& course) {
+    return RobustLoss(kFromNothing.loss, course.options.loss_width).noise_cost() *
+           static_cast<double>(course.model.observations.size());
 }
 
 // Points that went to infinity while the poses were wrong can hold them wrong, where weak inertial
@@ -103,17 +107,15 @@ void recall_far_points(Course& course, const Stage& stage, const MinimizeLimits&
 // First with gravity free (it starts at zero), quadratic far from the solution. Returns the cost.
 double minimize_from_nothing(Course& course, State start) {
     course.state = std::move(start);
-    const Stage stage{true, "huber", true};
     const MinimizeLimits limits{course.options.max_iterations,
                                 std::max(1e-6, course.options.cost_tolerance), 1e-6};
     constexpr int kRounds = 3;
     for (int round = 0; round < kRounds; ++round) {
-        minimize_stage(course, stage, limits);
-        if (course.last.final.total() <= explained_cost(course.model) ||
-            !free_trapped_points(course))
+        minimize_stage(course, kFromNothing, limits);
+        if (course.last.final.total() <= explained_cost(course) || !free_trapped_points(course))
             break;
     }
-    if (course.model.inertial) recall_far_points(course, stage, limits);
+    if (course.model.inertial) recall_far_points(course, kFromNothing, limits);
     return course.last.final.total();
 }
 
@@ -210,7 +212,7 @@ bool drop_points(Course& course, const std::vector<int>& points) {
 // The paper's start, and where that ends with more cost than noise explains, a second one.
 void start_with_readings(Course& course) {
     const double cost = minimize_from_nothing(course, blind_start(course.model, course.options));
-    if (cost <= explained_cost(course.model)) return;
+    if (cost <= explained_cost(course)) return;
     State first = std::move(course.state);
     if (!(minimize_from_nothing(course, turning_start(course.model, course.options)) < cost))
         course.state = std::move(first);

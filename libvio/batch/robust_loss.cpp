@@ -13,16 +13,18 @@ RobustLoss::RobustLoss(const std::string& name, double width)
     if (kind_ == Kind::kNone) return;
     // Over squared norms s of normal noise, of density exp(-s / 2) / 2, in steps of log s.
     constexpr double kFirst = -25, kLast = 5, kStep = 0.01;
-    double weight = 0, square = 0, slope = 0;
+    double weight = 0, square = 0, slope = 0, cost = 0;
     for (double log_s = kFirst; log_s < kLast; log_s += kStep) {
         const double s = std::exp(log_s), probability = kStep * s * std::exp(-s / 2) / 2;
         const double w = bent_weight(s);
         weight += probability * w;
         square += probability * w * w * s / 2;
         slope += probability * curvature(s);
+        cost += probability * bent(s);
     }
     scale_ = slope / square;
     information_ = slope / weight;
+    noise_cost_ = scale_ * cost;
 }
 
 double RobustLoss::bent(double distance2) const {
@@ -38,7 +40,7 @@ double RobustLoss::bent_weight(double distance2) const {
     return 1;
 }
 
-// Mean of the two of d psi / d r, w + s dw / ds.
+// Mean of the two diagonal entries of d psi / d r: w + s dw / ds.
 double RobustLoss::curvature(double distance2) const {
     const double w = bent_weight(distance2);
     if (kind_ == Kind::kCauchy) return w * w;

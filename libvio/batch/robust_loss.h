@@ -4,7 +4,7 @@
 // that costs efficiency alone. But scale is a regression with errors in both variables: what
 // readings and images disagree by is shared between them by their variances, and where images are
 // believed too little, some of the readings' noise passes for motion, which then comes out too
-// large (by 2 % for 5 % of sigma in the start of the crane). So a loss is multiplied by E[psi'] /
+// large (by 4 % in the start of the crane). So a loss is multiplied by E[psi'] /
 // E[psi^2], with psi its derivative and the expectation over normal noise: as of a likelihood, the
 // variance of its gradient is then its mean curvature (Bartlett's identity), and the bias is gone
 // to first order.
@@ -24,12 +24,14 @@ class RobustLoss {
     /// name: none, huber or cauchy; width: in standard deviations.
     RobustLoss(const std::string& name, double width);
 
-    /// Twice the negative logarithm of the likelihood.
+    /// In place of the squared norm.
     double cost(double distance2) const { return scale_ * bent(distance2); }
     /// Of iteratively reweighted least squares.
     double weight(double distance2) const { return scale_ * bent_weight(distance2); }
     /// What weights are multiplied by to give, on average over normal noise, the information.
     double information() const { return information_; }
+    /// Mean cost of normal noise.
+    double noise_cost() const { return noise_cost_; }
 
  private:
     enum class Kind { kNone, kHuber, kCauchy };
@@ -39,7 +41,7 @@ class RobustLoss {
     double curvature(double distance2) const;
 
     Kind kind_;
-    double width_, width2_, scale_ = 1, information_ = 1;
+    double width_, width2_, scale_ = 1, information_ = 1, noise_cost_ = 2;
 };
 
 }  // namespace vio::batch

@@ -26,7 +26,8 @@ std::string mrpt_reason(const std::string& report) {
 }
 
 // Where a name in the file is that of an abstract class, MRPT complains on standard error and goes
-// on without an object. From here on it throws; that these names are given anew it would tell, too.
+// on without an object. From here on it throws. (That these names are registered anew it would also
+// tell, hence the silence.)
 bool refuse_abstract_classes() {
     static std::list<mrpt::rtti::TRuntimeClassId> refused;  // MRPT keeps addresses
     std::streambuf* const error_output = std::cerr.rdbuf(nullptr);

@@ -22,6 +22,7 @@
 //   x (1 + s^2 I) / (1 + s^2 x^2 I),  and leaves the variance  s^2 / (1 + s^2 x^2 I):
 // the gain times a score of mean x I and variance I. As I depends on what is moved between two
 // images, and its own randomness must not choose among corrections, n and I are means over updates.
+// n, which costs most, is found at every few updates and taken for the same until the next.
 // All of it is of first order: after a correction too large for that n comes out negative, and C
 // and V begin anew.
 //
@@ -86,7 +87,7 @@ class ErrorsInVariables {
     void take_out(const TimesHt& times_Ht, const blas::ConstMatrix& L);
     /// Then the errors become (I - gain H) times what they were, and noise.
     void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht);
-    /// Whether n of the next update is wanted: of every few, as it changes slowly and is dear.
+    /// Whether n of the next update is wanted.
     bool noise_due() const { return updates_ % kNoiseEvery == 0; }
     /// x above, after an update of which I is given, and n if it was due.
     double share_of_motion(double information, std::optional<double> noise);

@@ -50,52 +50,63 @@ double share_of_motion(const Estimate& estimate, const ImuSequence& imu, const R
     return 1 - degrees / sum;
 }
 
-// The batch estimate takes for motion what noise adds to it, hence is too sure of its scale: its
-// variance becomes 1 / share of what it was, and with it what the other errors share of it. The
-// common error of the landmarks' distances reads it.
+// Relative standard deviation of a point's distance from the last image's body.
+double range_sigma(const BatchTail& tail, std::size_t i) {
+    const auto at = 15 + 3 * static_cast<Eigen::Index>(i);
+    const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
+    const auto P = [&](Eigen::Index a, Eigen::Index b) {
+        return tail.covariance.block<3, 3>(a, b);
+    };
+    const Eigen::Matrix3d C =
+        P(at, at) - P(at, kPosition) - P(kPosition, at) + P(kPosition, kPosition);
+    return std::sqrt(std::max(0.0, d.dot(C * d))) / d.squaredNorm();
+}
+
+// Of the points in sight, in ascending order.
+std::vector<double> range_sigmas(const BatchTail& tail) {
+    std::vector<double> sigmas;
+    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) sigmas.push_back(range_sigma(tail, i));
+    std::sort(sigmas.begin(), sigmas.end());
+    return sigmas;
+}
+
+// The batch estimate takes for motion what noise adds to it, hence is too sure of its scale, whose
+// variance becomes 1 / share of what it was; with it what the tail's other errors share of it. The
+// common error of the landmarks' relative distances, weighted by their precision, reads it.
 void widen_scale(BatchTail& tail, double share) {
     Eigen::VectorXd reading = Eigen::VectorXd::Zero(tail.covariance.rows());
     double sum = 0;
     for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
-        const auto at = 15 + 3 * static_cast<Eigen::Index>(i);
+        const double sigma = range_sigma(tail, i);
+        if (!(sigma > 0)) continue;
         const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
-        const double weight = 1 / d.dot(tail.covariance.block<3, 3>(at, at) * d);  // to first order
-        const Eigen::Vector3d own = weight * d;
-        reading.segment<3>(at) += own;
+        const double weight = 1 / (sigma * sigma);
+        const Eigen::Vector3d own = weight / d.squaredNorm() * d;
+        reading.segment<3>(15 + 3 * static_cast<Eigen::Index>(i)) += own;
         reading.segment<3>(kPosition) -= own;
-        sum += weight * d.squaredNorm();
+        sum += weight;
     }
-    if (!(sum > 0)) return;
-    const Eigen::VectorXd shared = tail.covariance * (reading / sum);
-    const double variance = reading.dot(shared) / sum;
-    tail.covariance += (1 / share - 1) / variance * shared * shared.transpose();
+    if (sum == 0) return;
+    reading /= sum;
+    const Eigen::VectorXd shared = tail.covariance * reading;
+    tail.covariance += (1 / share - 1) / reading.dot(shared) * shared * shared.transpose();
     tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
 }
 
-// Likewise, for a state before: what is travelled is as much too long as scale is too large.
-void widen_scale(StateEstimate& state, const StateEstimate& first, double scale_sigma,
-                 double share) {
-    Vector6d travelled;
-    travelled << state.T_W_B.p - first.T_W_B.p, state.v_W;
-    state.covariance.block<6, 6>(kPosition, kPosition) +=
-        (1 / share - 1) * scale_sigma * scale_sigma * travelled * travelled.transpose();
-}
-
-// Relative standard deviations of the distances of the points in sight, in ascending order.
-std::vector<double> range_sigmas(const BatchTail& tail) {
-    std::vector<double> sigmas;
-    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
-        const auto at = 15 + 3 * static_cast<Eigen::Index>(i);
-        const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
-        const auto P = [&](Eigen::Index a, Eigen::Index b) {
-            return tail.covariance.block<3, 3>(a, b);
-        };
-        const Eigen::Matrix3d C =
-            P(at, at) - P(at, kPosition) - P(kPosition, at) + P(kPosition, kPosition);
-        sigmas.push_back(std::sqrt(std::max(0.0, d.dot(C * d))) / d.squaredNorm());
+// Likewise for the states and motions before: what is travelled is as much too long as scale is too
+// large.
+void widen_scale(Estimate& estimate, double scale_sigma, double share) {
+    const double added = (1 / share - 1) * scale_sigma * scale_sigma;
+    for (StateEstimate& state : estimate.states) {
+        Vector6d travelled;
+        travelled << state.T_W_B.p - estimate.states.front().T_W_B.p, state.v_W;
+        state.covariance.block<6, 6>(kPosition, kPosition) +=
+            added * travelled * travelled.transpose();
     }
-    std::sort(sigmas.begin(), sigmas.end());
-    return sigmas;
+    for (RelativeMotion& motion : estimate.keyframe_motions) {
+        const Eigen::Vector3d& p = motion.T_A_B.p;
+        motion.covariance.bottomRightCorner<3, 3>() += added * p * p.transpose();
+    }
 }
 
 }  // namespace
@@ -256,17 +267,18 @@ std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
         gyro_bias_ = {result.tail->state.gyro_bias,
                       result.tail->covariance.block<3, 3>(kGyroBias, kGyroBias)};
     const double share = use_imu_ ? share_of_motion(result.estimate, problem.imu, rig_) : 1;
+    if (share > 0 && share < 1 && result.tail && result.tail->covariance.allFinite()) {
+        widen_scale(result.estimate, result.report.scale_sigma, share);
+        widen_scale(*result.tail, share);
+    }
     std::string why = why_not(result, share);
     if (!why.empty()) return fail(std::move(why));
-    for (StateEstimate& state : result.estimate.states)
-        widen_scale(state, result.estimate.states.front(), result.report.scale_sigma, share);
-    widen_scale(*result.tail, share);
     return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
                  std::move(*result.tail), std::move(mount)};
 }
 
 // The value that forbids to start at a result, and its limit; empty: none.
-std::string Prefix::why_not(const BatchResult& result, double share_of_motion) const {
+std::string Prefix::why_not(const BatchResult& result, double motion) const {
     if (!result.report.converged) return "prefix not converged: " + result.report.reason;
     if (!result.tail || result.tail->landmarks.empty())
         return "prefix has no landmarks in its last image";
@@ -282,8 +294,8 @@ std::string Prefix::why_not(const BatchResult& result, double share_of_motion) c
     if (!(tilt <= options_.start_tilt_sigma))
         return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
                        options_.start_tilt_sigma);
-    if (share_of_motion == 0) return "the readings' changes of velocity are no more than noise";
-    const double scale = result.report.scale_sigma / std::sqrt(share_of_motion);
+    if (motion == 0) return "the readings' changes of velocity are no more than noise";
+    const double scale = result.report.scale_sigma / std::sqrt(motion);
     if (!(scale <= options_.start_scale_sigma))
         return printed("prefix scale uncertain: sigma %.3g, limit %.3g", scale,
                        options_.start_scale_sigma);

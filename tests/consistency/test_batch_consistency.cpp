@@ -51,6 +51,37 @@ INSTANTIATE_TEST_SUITE_P(Losses, BatchConsistencyWithLoss,
                          ::testing::Values("none", "huber", "cauchy"),
                          [](const auto& loss) { return std::string(loss.param); });
 
+// What a loss costs: variances of the last position, most of which images decide, and landmarks'
+// NEES, beside those without. (The loss's bare weights would make it 0.84 or 1.38.)
+TEST(BatchConsistency, ARobustLossCostsWhatItShould) {
+    constexpr int kSeeds = 30;
+    constexpr double kCauchy = 0.916;  // E[psi']^2 / E[psi^2] at a width of 2
+    double variance[2] = {}, nees[2] = {};
+    for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+        test::SimulatedRunOptions simulation;
+        simulation.seed = seed;
+        simulation.seconds = 3;
+        simulation.features = 25;
+        const auto run = simulate_run(simulation);
+        for (const int robust : {0, 1}) {
+            BatchOptions options;
+            options.loss = robust ? "cauchy" : "none";
+            const BatchResult result =
+                estimate_batch(test::batch_problem(run), options, test::truth_from(run, {}));
+            ASSERT_TRUE(result.report.converged) << result.report.reason;
+            const Estimate truth = test::truth_from(run, result.estimate.states.front().T_W_B);
+            variance[robust] +=
+                result.estimate.states.back().covariance.block<3, 3>(kPosition, kPosition).trace();
+            test::LandmarkNees landmarks;
+            landmarks.add(result.estimate, truth);
+            nees[robust] += landmarks.mean();
+        }
+    }
+    EXPECT_GT(variance[1] / variance[0], 0.95);
+    EXPECT_LT(variance[1] / variance[0], 1.05 / kCauchy);
+    EXPECT_NEAR(nees[1] / nees[0], 1, 0.1);
+}
+
 // Where readings' noise is a good part of what they read, a loss that believes images less than
 // they deserve makes the motion too large: of this platform's path by 6 %, at 0.7 standard
 // deviations (whose mean over the seeds has one of 0.14).
@@ -68,6 +99,7 @@ TEST(BatchConsistency, ARobustLossLeavesScaleAsItIs) {
         options.gyro_bias_sigma = crane.gyro_bias_sigma;
         options.accel_bias_sigma = crane.accel_bias_sigma;
         const BatchResult result = estimate_batch(run.problem, options, run.truth);
+        ASSERT_TRUE(result.report.converged) << result.report.reason;
         const Estimate truth = test::seen_from(run.truth, result.estimate.states.front().T_W_B);
         double along = 0, length2 = 0;
         for (std::size_t i = 0; i < truth.states.size(); ++i) {

@@ -1,6 +1,8 @@
 // Dense products on BLAS equal Eigen's.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "libvio/base/blas.h"
 
 namespace vio {
@@ -39,6 +41,23 @@ TEST(Blas, FactorizesAPanelAndDividesByTheFactor) {
     EXPECT_EQ(panel(3, 100), A(3, 100));
     A(100, 100) = -1;
     EXPECT_FALSE(blas::factorize(A));
+}
+
+// The upper triangle is neither read nor written.
+TEST(Blas, SymmetricByTheLowerTriangle) {
+    constexpr int kSize = 21;
+    const MatrixXd B = MatrixXd::Random(kSize, kSize), square = B + B.transpose();
+    const Eigen::VectorXd x = Eigen::VectorXd::Random(kSize), y = Eigen::VectorXd::Random(kSize);
+    MatrixXd larger = MatrixXd::Constant(kSize + 5, kSize + 5, std::nan(""));
+    auto A = larger.block(2, 3, kSize, kSize);
+    A.triangularView<Eigen::Lower>() = square;
+    EXPECT_LT((blas::symmetric_times(A, x) - square * x).norm(), 1e-12);
+    blas::add_square(-0.5, x, A);
+    blas::add_pair(x, y, A);
+    const MatrixXd expected =
+        square - 0.5 * x * x.transpose() + x * y.transpose() + y * x.transpose();
+    EXPECT_LT((MatrixXd(A.selfadjointView<Eigen::Lower>()) - expected).norm(), 1e-12);
+    EXPECT_TRUE(std::isnan(A(0, 1)));
 }
 
 TEST(Blas, ProductsOfBlocks) {

@@ -11,24 +11,25 @@ namespace {
 // Over residuals of normal noise, by sums over a grid: variance of the loss's gradient (half of the
 // cost's), its mean curvature, and the mean weight.
 struct OverNoise {
-    double variance = 0, curvature = 0, weight = 0;
+    double variance = 0, curvature = 0, weight = 0, cost = 0;
 
     explicit OverNoise(const RobustLoss& loss) {
         constexpr double kStep = 0.02, kLast = 8, kSmall = 1e-4;
-        const auto cost = [&](double x, double y) { return 0.5 * loss.cost(x * x + y * y); };
+        const auto half = [&](double x, double y) { return 0.5 * loss.cost(x * x + y * y); };
         for (double x = -kLast; x < kLast; x += kStep)
             for (double y = -kLast; y < kLast; y += kStep) {
                 const double p = kStep * kStep * std::exp(-(x * x + y * y) / 2) / (2 * M_PI);
-                const double ahead = cost(x + kSmall, y), behind = cost(x - kSmall, y);
+                const double ahead = half(x + kSmall, y), behind = half(x - kSmall, y);
                 const double slope = (ahead - behind) / (2 * kSmall);
                 variance += p * slope * slope;
-                curvature += p * (ahead - 2 * cost(x, y) + behind) / (kSmall * kSmall);
+                curvature += p * (ahead - 2 * half(x, y) + behind) / (kSmall * kSmall);
                 weight += p * loss.weight(x * x + y * y);
+                cost += p * loss.cost(x * x + y * y);
             }
     }
 };
 
-TEST(RobustLoss, IsALikelihoodOfNormalNoise) {
+TEST(RobustLoss, GradientVariesAsItCurves) {
     for (const std::string name : {"huber", "cauchy"})
         for (const double width : {0.7, 2.0, 5.0}) {
             const RobustLoss loss(name, width);
@@ -36,6 +37,7 @@ TEST(RobustLoss, IsALikelihoodOfNormalNoise) {
             EXPECT_NEAR(found.variance, found.curvature, 0.01 * found.curvature) << name << width;
             EXPECT_NEAR(loss.information() * found.weight, found.curvature, 0.01 * found.curvature)
                 << name << width;
+            EXPECT_NEAR(loss.noise_cost(), found.cost, 0.01 * found.cost) << name << width;
             EXPECT_LT(found.curvature, 1) << name << width;  // a robust loss costs information
         }
 }
