@@ -29,10 +29,6 @@ void dsyr2_(const char* uplo, const int* n, const double* alpha, const double* x
 namespace vio::blas {
 namespace {
 
-// GCC makes as many of the processor's registers of it as it takes.
-typedef double Pack __attribute__((vector_size(64), aligned(8), may_alias));
-constexpr int kPack = sizeof(Pack) / sizeof(double);
-
 constexpr double kZero = 0, kOne = 1, kMinusOne = -1;
 constexpr int kNext = 1;  // from an entry of a vector to the next
 

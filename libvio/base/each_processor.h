@@ -9,3 +9,12 @@
 #else
 #define VIO_EACH_PROCESSOR
 #endif
+
+namespace vio {
+
+/// Numbers for one instruction, as far as there is one: GCC makes as many of the processor's
+/// registers of it as it takes.
+typedef double Pack __attribute__((vector_size(64), aligned(8), may_alias));
+inline constexpr int kPack = sizeof(Pack) / sizeof(double);
+
+}  // namespace vio

@@ -5,10 +5,7 @@
 namespace vio {
 namespace {
 
-// GCC makes as many of the processor's registers of them as it takes.
-typedef double Pack __attribute__((vector_size(64), aligned(8), may_alias));
 typedef double Pair __attribute__((vector_size(16), aligned(8), may_alias));
-constexpr int kPack = sizeof(Pack) / sizeof(double);
 
 // T: count x 3, column-major; M's columns are `stride` apart.
 VIO_EACH_PROCESSOR

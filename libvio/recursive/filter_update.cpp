@@ -230,8 +230,8 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     if (sensitive) take_out_noise(rows);
     bool doubtful = sensitive && reading.size() > 0 && in_variables_->has_landmarks();
     const ToldOfScale told = doubtful ? told_of_scale(rows, reading) : ToldOfScale();
-    if (told.noise &&
-        *told.noise < 0) {  // what cannot be: corrections were too large for the first order of C
+    if (told.noise && *told.noise < 0) {
+        // What cannot be: corrections were too large for the first order of C.
         in_variables_->forget();
         doubtful = false;
     }

@@ -9,6 +9,14 @@
 namespace vio {
 namespace {
 
+test::SimulatedRun short_run(unsigned seed) {
+    test::SimulatedRunOptions simulation;
+    simulation.seed = seed;
+    simulation.seconds = 3;
+    simulation.features = 25;
+    return test::simulate_run(simulation);
+}
+
 // The errors of the batch estimate are as large as its covariance says, with a robust loss, too:
 // mean NEES over seeds inside the 99.9 % bounds of the chi-square distribution.
 class BatchConsistencyWithLoss : public ::testing::TestWithParam<const char*> {};
@@ -18,11 +26,7 @@ TEST_P(BatchConsistencyWithLoss, ErrorsAgreeWithTheCovariance) {
     double pose = 0, motion = 0, bias = 0;
     test::LandmarkNees landmarks;
     for (unsigned seed = 1; seed <= kSeeds; ++seed) {
-        test::SimulatedRunOptions simulation;
-        simulation.seed = seed;
-        simulation.seconds = 3;
-        simulation.features = 25;
-        const auto run = simulate_run(simulation);
+        const test::SimulatedRun run = short_run(seed);
         BatchOptions options;
         options.loss = GetParam();
         options.outlier_sigmas = 0;
@@ -58,11 +62,7 @@ TEST(BatchConsistency, ARobustLossCostsWhatItShould) {
     constexpr double kCauchy = 0.916;  // E[psi']^2 / E[psi^2] at a width of 2
     double variance[2] = {}, nees[2] = {};
     for (unsigned seed = 1; seed <= kSeeds; ++seed) {
-        test::SimulatedRunOptions simulation;
-        simulation.seed = seed;
-        simulation.seconds = 3;
-        simulation.features = 25;
-        const auto run = simulate_run(simulation);
+        const test::SimulatedRun run = short_run(seed);
         for (const int robust : {0, 1}) {
             BatchOptions options;
             options.loss = robust ? "cauchy" : "none";
