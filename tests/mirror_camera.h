@@ -32,8 +32,8 @@ inline std::shared_ptr<const MirrorCamera> mirror_camera(const Pose& T_C_M = {})
 
 /// Off by half a degree and a millimetre.
 inline Pose misaligned_mirror(Random& random) {
-    const Eigen::Vector3d turn(random.normal(), random.normal(), 0);
-    return {so3::exp(0.008 * turn), 5e-4 * random.normal3()};
+    const double about_y = random.normal(), about_x = random.normal();
+    return {so3::exp(0.008 * Eigen::Vector3d(about_x, about_y, 0)), 5e-4 * random.normal3()};
 }
 
 /// One image of targets.
@@ -55,7 +55,8 @@ inline MirrorShot mirror_shot(std::uint64_t seed, int count, double noise_px) {
     shot.T_G_C = {so3::exp(0.5 * random.normal3()), random.normal3()};
     const auto camera = mirror_camera(shot.T_C_M);
     while (static_cast<int>(shot.targets.size()) < count) {
-        const Eigen::Vector2d uv(640 * random.uniform(), 480 * random.uniform());
+        const double v = 480 * random.uniform(), u = 640 * random.uniform();
+        const Eigen::Vector2d uv(u, v);
         const double distance = random.uniform(0.5, 2.5);
         const Eigen::Vector2d noise = noise_px * random.normal2();
         const auto ray = camera->ray(uv);

@@ -13,6 +13,7 @@
 #include "libvio/batch/batch.h"
 #include "libvio/camera/perspective.h"
 #include "libvio/camera/rig.h"
+#include "tests/draws.h"
 
 namespace vio::test {
 
@@ -76,9 +77,7 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
     std::mt19937 random(options.seed);
     std::normal_distribution<double> normal;
     std::uniform_real_distribution<double> uniform(0, 1);
-    const auto noise3 = [&] {
-        return Eigen::Vector3d(normal(random), normal(random), normal(random));
-    };
+    const auto noise3 = [&] { return normal_vector<3>(normal, random); };
 
     PerspectiveParameters camera;
     camera.width = 752;
@@ -172,8 +171,7 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
         for (const auto& [point, feature] : live) {
             FeatureObservation observation;
             observation.feature_id = feature.id;
-            observation.uv_px =
-                *seen(point) + options.sigma_px * Eigen::Vector2d(normal(random), normal(random));
+            observation.uv_px = *seen(point) + options.sigma_px * normal_vector<2>(normal, random);
             if (uniform(random) < options.outliers)
                 observation.uv_px = {camera.width * uniform(random),
                                      camera.height * uniform(random)};
@@ -188,8 +186,7 @@ inline SimulatedRun simulate_run(const SimulatedRunOptions& options) {
 inline SimulatedRunOptions turning_run(int span_deg, unsigned seed) {
     std::mt19937 engine(1000 * static_cast<unsigned>(span_deg) + seed);
     std::normal_distribution<double> normal;
-    const Eigen::Vector3d axis =
-        Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
+    const Eigen::Vector3d axis = normal_vector<3>(normal, engine).normalized();
     SimulatedRunOptions options;
     options.seed = seed;
     options.seconds = 5;

@@ -7,6 +7,7 @@
 #include "libvio/batch/course.h"
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/observability.h"
+#include "libvio/batch/scale_noise.h"
 #include "libvio/batch/start.h"
 #include "libvio/tracking/keyframes.h"
 
@@ -53,7 +54,10 @@ BatchReport make_report(const Course& course, SteadyTime began) {
 
 RefinedRig refined_rig(const RigRefinement& found, const NormalEquations& equations) {
     RefinedRig refined{found.rig(), {}, {}};
-    if (equations.rig_solution()) refined.covariance = equations.rig_solution()->covariance;
+    if (const auto& rig = equations.rig_solution()) {
+        const Eigen::Index size = rig->covariance.rows();
+        refined.covariance = equations.shared_errors()->covariance.topLeftCorner(size, size);
+    }
     const auto names = found.names(), units = found.units();
     const Eigen::VectorXd change = found.change();
     for (Eigen::Index k = 0; k < change.size(); ++k)
@@ -137,14 +141,17 @@ BatchResult estimate_batch(const BatchProblem& given, const BatchOptions& option
                               objective.threads());
     objective.linearize(course.state, equations);
     if (course.rig) course.rig->linearize(objective, course.state, equations);
-    bool singular = false;
+    const bool singular = !equations.factorize();
+    if (!singular && course.model.inertial && !course.model.surveyed() &&
+        options.weighting != "fixed")
+        widen_scale(course.model, objective, course.state, equations);
     result.estimate =
         publish(course.model, objective, course.state, select_keyframes(problem.frames),
-                options.covariances ? &equations : nullptr, singular);
-    if (want_tail) result.tail = publish_tail(course.model, objective, course.state, equations);
+                options.covariances && !singular ? &equations : nullptr);
+    if (want_tail && !singular)
+        result.tail = publish_tail(course.model, objective, course.state, equations);
     course.sums.covariance_s = seconds_since(began) - course.sums.start_s - course.sums.minimize_s;
     result.report = make_report(course, began);
-    if (!options.covariances) singular = !equations.factorize();
     if (course.rig) result.rig = refined_rig(*course.rig, equations);
     judge_solution(course, objective, equations, singular, result.report);
     if (result.report.converged && !course.start_confirmed) {

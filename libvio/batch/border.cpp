@@ -71,31 +71,64 @@ void NormalEquations::solve_rig_covariance() {
     eigen.eigenvectors().col(0).cwiseAbs().maxCoeff(&weakest);
     weakest_rig_unknown_ = static_cast<int>(weakest);
     if (!(eigen.eigenvalues()(0) > kSmallest)) return;
-    BorderSolution& solution = rig_solution_.emplace();
+    SharedErrors& solution = rig_solution_.emplace();
     solution.covariance = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
     solution.reduced = -solved;
-    solution.points.resize(rig->points.rows(), rig->points.cols());
+    solution.points = moved_points(solution.reduced, &rig->points);
+}
+
+// How points move with what moves the reduced unknowns; own: columns of the points' equations.
+MatrixXd NormalEquations::moved_points(const MatrixXd& reduced, const MatrixXd* own) const {
+    MatrixXd points(3 * static_cast<Index>(V.size()), reduced.cols());
     for (size_t j = 0; j < V.size(); ++j) {
-        auto moved = solution.points.middleRows<3>(3 * static_cast<Index>(j));
+        auto moved = points.middleRows<3>(3 * static_cast<Index>(j));
         if (const int slot = layout_.border_of_point[j]; slot >= 0) {
-            moved = solution.reduced.middleRows<3>(matrix.offset(layout_.border_block(slot)));
+            moved = reduced.middleRows<3>(matrix.offset(layout_.border_block(slot)));
             continue;
         }
-        MatrixXd sum = rig->points.middleRows<3>(3 * static_cast<Index>(j));
+        MatrixXd sum = MatrixXd::Zero(3, reduced.cols());
+        if (own) sum = own->middleRows<3>(3 * static_cast<Index>(j));
         const Point& point = model_.points[j];
         for (int k = point.first_observation; k < point.first_observation + point.observation_count;
              ++k)
-            sum.noalias() += W[k].transpose() * solution.reduced.middleRows<6>(layout_.index(
+            sum.noalias() += W[k].transpose() * reduced.middleRows<6>(layout_.index(
                                                     model_.observations[k].frame_idx, 0));
         moved = -point_inverse(static_cast<int>(j)) * sum;
     }
+    return points;
+}
+
+// The errors that c^T x = 1 takes along, of the rig's and of the reduced unknowns beside what they
+// share with those, grow together: u = P c / (c^T P c).
+void NormalEquations::widen(const VectorXd& c, double factor) {
+    const VectorXd own = factor_.solve(MatrixXd(c));
+    const Index rig_unknowns = shared_errors_ ? shared_errors_->covariance.rows() : 0;
+    VectorXd shared(rig_unknowns);
+    double variance = c.dot(own);
+    if (rig_unknowns > 0) {
+        const VectorXd by_shared = shared_errors_->reduced.transpose() * c;
+        shared = shared_errors_->covariance * by_shared;
+        variance += by_shared.dot(shared);
+    } else {
+        shared_errors_ = SharedErrors{MatrixXd(0, 0), MatrixXd(c.size(), 0),
+                                      MatrixXd(3 * static_cast<Index>(V.size()), 0)};
+    }
+    VectorXd moved(rig_unknowns + 1);
+    moved << shared / variance, 1;
+    SharedErrors& errors = *shared_errors_;
+    errors.covariance.conservativeResizeLike(MatrixXd::Zero(rig_unknowns + 1, rig_unknowns + 1));
+    errors.covariance += (factor - 1) * variance * moved * moved.transpose();
+    errors.reduced.conservativeResize(Eigen::NoChange, rig_unknowns + 1);
+    errors.reduced.rightCols<1>() = own / variance;
+    errors.points.conservativeResize(Eigen::NoChange, rig_unknowns + 1);
+    errors.points.rightCols<1>() = moved_points(own / variance, nullptr);
 }
 
 MatrixXd NormalEquations::covariance(const MatrixXd& E) const {
     MatrixXd C = E.transpose() * factor_.solve(E);
-    if (!rig_solution_) return C;
-    const MatrixXd moved = E.transpose() * rig_solution_->reduced;
-    return C + moved * rig_solution_->covariance * moved.transpose();
+    if (!shared_errors_) return C;
+    const MatrixXd moved = E.transpose() * shared_errors_->reduced;
+    return C + moved * shared_errors_->covariance * moved.transpose();
 }
 
 }  // namespace vio::batch

@@ -74,22 +74,26 @@ double Objective::interval_cost(const State& state, int i) const {
     return cost;
 }
 
+Objective::IntervalRows Objective::interval_rows(const State& state, int i,
+                                                 const Eigen::Matrix3d& J_gravity) const {
+    const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
+    const Matrix9d& L = intervals_[i].sqrt_information;
+    PreintegratedImu::Jacobian D;
+    IntervalRows rows;
+    rows.r = L * intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity, &D);
+    rows.J.leftCols<9>().noalias() = L * D.state_i;
+    if (i == 0 && !model_.surveyed()) rows.J.leftCols<6>().setZero();  // held
+    rows.J.middleCols<6>(9).noalias() = L * D.bias;
+    rows.J.middleCols<9>(15).noalias() = L * D.state_j;
+    rows.J.rightCols<3>().noalias() = L * (D.gravity * J_gravity).eval();
+    return rows;
+}
+
 double Objective::linearize_interval(const State& state, int i, const Eigen::Matrix3d& J_gravity,
                                      NormalEquations& eq, Matrix9d& global_H,
                                      Vector9d& global_g) const {
     const Layout& layout = eq.layout();
-    const State::Frame &a = state.frames[i], &b = state.frames[i + 1];
-    const Matrix9d& L = intervals_[i].sqrt_information;
-    PreintegratedImu::Jacobian D;
-    const Vector9d r =
-        L * intervals_[i].readings.residual(a.motion, b.motion, a.bias, state.gravity, &D);
-    // Columns: pose i, velocity i, bias, pose j, velocity j, gravity.
-    Eigen::Matrix<double, 9, 27> J;
-    J.leftCols<9>().noalias() = L * D.state_i;
-    if (i == 0 && !model_.surveyed()) J.leftCols<6>().setZero();  // held
-    J.middleCols<6>(9).noalias() = L * D.bias;
-    J.middleCols<9>(15).noalias() = L * D.state_j;
-    J.rightCols<3>().noalias() = L * (D.gravity * J_gravity).eval();
+    const auto [r, J] = interval_rows(state, i, J_gravity);
     Eigen::Matrix<double, 27, 27> H;
     H.noalias() = J.transpose() * J;
     const Eigen::Matrix<double, 27, 1> g = J.transpose() * r;

@@ -92,7 +92,7 @@ class Marginals {
         : model_(model),
           equations_(equations),
           layout_(equations.layout()),
-          rig_(equations.rig_solution()),
+          shared_(equations.shared_errors()),
           inverse_(equations.factor().sparse_inverse()) {
         gravity_jacobian_ = objective.gravity_jacobian(state.gravity);
         if (!layout_.inertial) return;
@@ -115,9 +115,9 @@ class Marginals {
                                    with_global_.row(layout_.index(frame, c)).head<3>().transpose();
             S.bottomRows<3>() = cross;
             S.rightCols<3>() = cross.transpose();
-            S.bottomRightCorner<3, 3>() = gravity_without_rig();
+            S.bottomRightCorner<3, 3>() = own_gravity();
         }
-        if (rig_) add_rig(S, moved_frame_and_gravity(frame));
+        if (shared_) add_shared(S, moved_frame_and_gravity(frame));
         return S;
     }
 
@@ -130,55 +130,56 @@ class Marginals {
             S.topRightCorner<6, 6>() = cross_of_poses(a, b);
             S.bottomLeftCorner<6, 6>() = S.topRightCorner<6, 6>().transpose();
         }
-        if (rig_) {
-            Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(12, rig_->covariance.rows());
-            if (known(a, 0)) moved.topRows<6>() = rig_->reduced.middleRows<6>(layout_.index(a, 0));
+        if (shared_) {
+            Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(12, shared_->covariance.rows());
+            if (known(a, 0))
+                moved.topRows<6>() = shared_->reduced.middleRows<6>(layout_.index(a, 0));
             if (known(b, 0))
-                moved.bottomRows<6>() = rig_->reduced.middleRows<6>(layout_.index(b, 0));
-            add_rig(S, moved);
+                moved.bottomRows<6>() = shared_->reduced.middleRows<6>(layout_.index(b, 0));
+            add_shared(S, moved);
         }
         return S;
     }
 
     Eigen::Matrix3d gravity() const {
-        Eigen::Matrix3d S = gravity_without_rig();
-        if (rig_) add_rig(S, moved_gravity());
+        Eigen::Matrix3d S = own_gravity();
+        if (shared_) add_shared(S, moved_gravity());
         return S;
     }
 
     // Covariance of the point, and its cross-covariance with gravity (3 x 3).
     std::pair<Eigen::Matrix3d, Eigen::Matrix3d> point(int j) const {
-        auto [S, cross] = point_without_rig(j);
-        if (!rig_) return {S, cross};
-        const auto moved = rig_->points.middleRows<3>(3 * static_cast<Eigen::Index>(j));
-        add_rig(S, moved);
-        if (layout_.inertial) cross += moved * rig_->covariance * moved_gravity().transpose();
+        auto [S, cross] = own_point(j);
+        if (!shared_) return {S, cross};
+        const auto moved = shared_->points.middleRows<3>(3 * static_cast<Eigen::Index>(j));
+        add_shared(S, moved);
+        if (layout_.inertial) cross += moved * shared_->covariance * moved_gravity().transpose();
         return {S, cross};
     }
 
  private:
-    // What the covariance of the rig adds to that of unknowns that move with it.
+    // What shared errors add to the covariance of unknowns that move with them.
     template <typename Matrix>
-    void add_rig(Matrix& S, const Eigen::MatrixXd& moved) const {
-        S += moved * rig_->covariance * moved.transpose();
+    void add_shared(Matrix& S, const Eigen::MatrixXd& moved) const {
+        S += moved * shared_->covariance * moved.transpose();
     }
     Eigen::MatrixXd moved_gravity() const {
-        return gravity_jacobian_ * rig_->reduced.middleRows<3>(layout_.gravity_index());
+        return gravity_jacobian_ * shared_->reduced.middleRows<3>(layout_.gravity_index());
     }
     Eigen::MatrixXd moved_frame_and_gravity(int frame) const {
-        Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(18, rig_->covariance.rows());
+        Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(18, shared_->covariance.rows());
         for (int c = 0; c < 15; ++c)
-            if (known(frame, c)) moved.row(c) = rig_->reduced.row(layout_.index(frame, c));
+            if (known(frame, c)) moved.row(c) = shared_->reduced.row(layout_.index(frame, c));
         if (layout_.inertial) moved.bottomRows<3>() = moved_gravity();
         return moved;
     }
 
-    Eigen::Matrix3d gravity_without_rig() const {
+    Eigen::Matrix3d own_gravity() const {
         return gravity_jacobian_ * with_global_.block<3, 3>(layout_.gravity_index(), 0) *
                gravity_jacobian_.transpose();
     }
 
-    std::pair<Eigen::Matrix3d, Eigen::Matrix3d> point_without_rig(int j) const {
+    std::pair<Eigen::Matrix3d, Eigen::Matrix3d> own_point(int j) const {
         const int slot = layout_.border_of_point[j];
         Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
         if (slot >= 0) {
@@ -247,7 +248,7 @@ class Marginals {
     const Model& model_;
     const NormalEquations& equations_;
     const Layout& layout_;
-    const std::optional<BorderSolution>& rig_;
+    const std::optional<SharedErrors>& shared_;
     BlockCholesky::SparseInverse inverse_;
     Eigen::Matrix3d gravity_jacobian_;
     Eigen::MatrixXd with_global_;
@@ -287,7 +288,7 @@ RelativeMotion motion_between(const Model& model, const State& state, const Marg
 }  // namespace
 
 Estimate publish(const Model& model, const Objective& objective, const State& state,
-                 const std::vector<int>& keyframes, NormalEquations* equations, bool& singular) {
+                 const std::vector<int>& keyframes, const NormalEquations* equations) {
     const Gauge gauge = make_gauge(model, state);
     const Eigen::Matrix3d& A = gauge.T_Wp_W.R;
     Estimate estimate;
@@ -295,9 +296,8 @@ Estimate publish(const Model& model, const Objective& objective, const State& st
     estimate.g_W = A * state.gravity;
     const std::vector<int> features = observations_per_frame(model);
 
-    singular = equations && !equations->factorize();
     std::optional<Marginals> marginals;
-    if (equations && !singular) marginals.emplace(model, objective, state, *equations);
+    if (equations) marginals.emplace(model, objective, state, *equations);
 
     for (int i = 0; i < model.frames(); ++i) {
         BodyState body = body_state(model, state, gauge, i);
@@ -374,9 +374,8 @@ void add_turning(const Gauge& gauge, const Eigen::MatrixXd& J, const Eigen::Matr
 
 }  // namespace
 
-std::optional<BatchTail> publish_tail(const Model& model, const Objective& objective,
-                                      const State& state, NormalEquations& equations) {
-    if (!equations.factorize()) return std::nullopt;
+BatchTail publish_tail(const Model& model, const Objective& objective, const State& state,
+                       const NormalEquations& equations) {
     const Layout& layout = equations.layout();
     const Gauge gauge = make_gauge(model, state);
     const int size = equations.matrix.size(), last = model.frames() - 1;
@@ -408,12 +407,14 @@ std::optional<BatchTail> publish_tail(const Model& model, const Objective& objec
         if (layout.border_of_point[points[a]] < 0)
             joint.block<3, 3>(18 + 3 * a, 18 + 3 * a) += equations.point_inverse(points[a]);
     Eigen::MatrixXd with_rig;
-    if (const auto& rig = equations.rig_solution()) {
-        Eigen::MatrixXd moved = E.transpose() * rig->reduced;
+    if (const auto& shared = equations.shared_errors()) {
+        Eigen::MatrixXd moved = E.transpose() * shared->reduced;
         for (int a = 0; a < n; ++a)
-            moved.middleRows<3>(18 + 3 * a) = rig->points.middleRows<3>(3L * points[a]);
-        with_rig = moved * rig->covariance;
-        joint += with_rig * moved.transpose();
+            moved.middleRows<3>(18 + 3 * a) = shared->points.middleRows<3>(3L * points[a]);
+        const Eigen::MatrixXd with_shared = moved * shared->covariance;
+        joint += with_shared * moved.transpose();
+        if (const auto& rig = equations.rig_solution())
+            with_rig = with_shared.leftCols(rig->covariance.rows());
     }
 
     const BodyState body = body_state(model, state, gauge, last);

@@ -158,6 +158,7 @@ bool NormalEquations::factorize(double lambda) {
     rig_solution_.reset();
     if (!eliminate(lambda)) return false;
     if (rig) solve_rig_covariance();
+    shared_errors_ = rig_solution_;
     return true;
 }
 

@@ -33,11 +33,12 @@ struct Border {
     Eigen::VectorXd gradient;
 };
 
-/// What is known of the border's unknowns, and how the others' minimum moves with them.
-struct BorderSolution {
+/// Errors that others share: beside those that the factorisation tells of, the reduced unknowns err
+/// by `reduced` times these, and the points by `points` times.
+struct SharedErrors {
     Eigen::MatrixXd covariance;
-    Eigen::MatrixXd reduced;  ///< d(reduced unknowns) / d(border's)
-    Eigen::MatrixXd points;   ///< d(points) / d(border's), three rows each
+    Eigen::MatrixXd reduced;
+    Eigen::MatrixXd points;  ///< three rows each
 };
 
 /// Holds A, V, W, a, b of the current linearisation; solves them with any damping.
@@ -77,12 +78,19 @@ class NormalEquations {
     /// Factorisation of the reduced system, for covariances. Damped: see solve().
     bool factorize(double lambda = 0);
     const BlockCholesky& factor() const { return factor_; }
-    /// After factorize(); empty where the rig has no unknowns or they are not determined.
-    const std::optional<BorderSolution>& rig_solution() const { return rig_solution_; }
+    /// Of the rig's unknowns, after factorize(); empty where there are none or they are not
+    /// determined.
+    const std::optional<SharedErrors>& rig_solution() const { return rig_solution_; }
     /// The unknown of the rig that is determined least, against what it would be were all else
     /// known; after factorize().
     int weakest_rig_unknown() const { return weakest_rig_unknown_; }
-    /// Covariance of E^T x for the reduced unknowns x, what the rig's add included.
+    /// The variance of c^T x for the reduced unknowns x becomes `factor` times what it is, and all
+    /// covariances what they then are: those of errors that c^T x says nothing of stay. After
+    /// factorize().
+    void widen(const Eigen::VectorXd& c, double factor);
+    /// The rig's, and then those of what was widened.
+    const std::optional<SharedErrors>& shared_errors() const { return shared_errors_; }
+    /// Covariance of E^T x for the reduced unknowns x, shared errors included.
     Eigen::MatrixXd covariance(const Eigen::MatrixXd& E) const;
     /// V^-1 of an eliminated point.
     Eigen::Matrix3d point_inverse(int point_idx) const {
@@ -100,6 +108,7 @@ class NormalEquations {
     bool solve_rig(Step& step) const;
     void solve_points(Step& step) const;
     void solve_rig_covariance();
+    Eigen::MatrixXd moved_points(const Eigen::MatrixXd& reduced, const Eigen::MatrixXd* own) const;
     double damping(double diagonal) const;
     Eigen::Matrix3d point_damping_matrix(int point_idx) const;
 
@@ -109,7 +118,8 @@ class NormalEquations {
     BlockCholesky factor_;
     std::vector<Eigen::Matrix3d> V_root_;  // Q with V^-1 = Q Q^T
     Eigen::VectorXd damping_;              // of each scalar unknown
-    std::optional<BorderSolution> rig_solution_;
+    std::optional<SharedErrors> rig_solution_;
+    std::optional<SharedErrors> shared_errors_;
     int weakest_rig_unknown_ = 0;
     double lambda_ = 0;
 };

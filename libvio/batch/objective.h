@@ -103,6 +103,11 @@ class Objective {
     std::optional<Eigen::Vector2d> image_residual(const State& state,
                                                   const Observation& observation) const;
 
+    /// Of the information that readings seem to give of scale, what is their noise: m of
+    /// scale_noise.h. `equations`: linearised at `state`, factorised.
+    double noise_in_scale(const State& state, const NormalEquations& equations,
+                          const Eigen::VectorXd& c) const;
+
     /// Whitened squared distance of one observation. A point that the camera cannot image in a
     /// trial state (behind it, beyond its field of view) counts, and is drawn back, by the angle
     /// between it and its sight line: the chord of the two on the unit sphere, at a pixel's angular
@@ -171,6 +176,14 @@ class Objective {
                                PoseSums& sums) const;
     Eigen::Vector3d unseen_residual(const Eigen::Vector3d& p_C, const Observation& observation,
                                     Eigen::Matrix3d* J) const;
+    // What the readings between images i and i + 1 say of the two, whitened. Columns: pose i,
+    // velocity i, bias, pose j, velocity j, gravity.
+    struct IntervalRows {
+        Vector9d r;
+        Eigen::Matrix<double, 9, 27> J;
+    };
+    IntervalRows interval_rows(const State& state, int i,
+                               const Eigen::Matrix3d& gravity_jacobian) const;
     double linearize_inertial(const State& state, NormalEquations& equations) const;
     double linearize_interval(const State& state, int i, const Eigen::Matrix3d& gravity_jacobian,
                               NormalEquations& equations, Eigen::Matrix<double, 9, 9>& global_H,

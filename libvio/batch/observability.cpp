@@ -8,6 +8,7 @@
 
 #include "libvio/base/angles.h"
 #include "libvio/base/median.h"
+#include "libvio/batch/scale_noise.h"
 
 namespace vio::batch {
 namespace {
@@ -21,19 +22,9 @@ std::string with_figure(const char* format, double a, double b = 0) {
     return text;
 }
 
-// Standard deviation of the scale that fits the path best: d(scale) = sum p_i . dp_i / sum |p_i|^2
-// with p_i counted from the first image.
 double scale_deviation(const Model& model, const State& state, const NormalEquations& equations) {
-    const Layout& layout = equations.layout();
-    Eigen::MatrixXd c = Eigen::MatrixXd::Zero(equations.matrix.size(), 1);
-    double sum = 0;
-    for (int i = 1; i < model.frames(); ++i) {
-        const Eigen::Vector3d p = state.frames[i].motion.p - state.frames[0].motion.p;
-        c.block<3, 1>(layout.index(i, kPosition), 0) = p;
-        sum += p.squaredNorm();
-    }
-    if (!(sum > 0)) return std::numeric_limits<double>::infinity();
-    c /= sum;
+    const Eigen::VectorXd c = scale_reading(model, state, equations);
+    if (c.size() == 0) return std::numeric_limits<double>::infinity();
     return std::sqrt(equations.covariance(c)(0, 0));
 }
 

@@ -18,9 +18,9 @@ std::string printed(const char* format, double a, double b) {
     return text;
 }
 
-// Squared changes of velocity, over stretches of kStretch by what was read, in terms of what noise
-// would make of none, less that: the share of them that is motion. Zero if noise explains them.
-double share_of_motion(const Estimate& estimate, const ImuSequence& imu, const Rig& rig) {
+// Whether noise explains the changes of velocity, over stretches of kStretch, that were read. Then
+// the minimum may be anywhere.
+bool noise_alone(const Estimate& estimate, const ImuSequence& imu, const Rig& rig) {
     constexpr double kStretch = 0.5;  // [s]
     constexpr double kProbability = 0.999;
     const double variance = rig.imu_noise.accel_noise_density * rig.imu_noise.accel_noise_density;
@@ -46,8 +46,7 @@ double share_of_motion(const Estimate& estimate, const ImuSequence& imu, const R
         change.setZero();
         seconds = 0;
     }
-    if (degrees == 0 || sum < chi_square_quantile(degrees, kProbability)) return 0;
-    return 1 - degrees / sum;
+    return degrees == 0 || sum < chi_square_quantile(degrees, kProbability);
 }
 
 // Relative standard deviation of a point's distance from the last image's body.
@@ -68,45 +67,6 @@ std::vector<double> range_sigmas(const BatchTail& tail) {
     for (std::size_t i = 0; i < tail.landmarks.size(); ++i) sigmas.push_back(range_sigma(tail, i));
     std::sort(sigmas.begin(), sigmas.end());
     return sigmas;
-}
-
-// The batch estimate takes for motion what noise adds to it, hence is too sure of its scale, whose
-// variance becomes 1 / share of what it was; with it what the tail's other errors share of it. The
-// common error of the landmarks' relative distances, weighted by their precision, reads it.
-void widen_scale(BatchTail& tail, double share) {
-    Eigen::VectorXd reading = Eigen::VectorXd::Zero(tail.covariance.rows());
-    double sum = 0;
-    for (std::size_t i = 0; i < tail.landmarks.size(); ++i) {
-        const double sigma = range_sigma(tail, i);
-        if (!(sigma > 0)) continue;
-        const Eigen::Vector3d d = tail.landmarks[i].p_W - tail.state.T_W_B.p;
-        const double weight = 1 / (sigma * sigma);
-        const Eigen::Vector3d own = weight / d.squaredNorm() * d;
-        reading.segment<3>(15 + 3 * static_cast<Eigen::Index>(i)) += own;
-        reading.segment<3>(kPosition) -= own;
-        sum += weight;
-    }
-    if (sum == 0) return;
-    reading /= sum;
-    const Eigen::VectorXd shared = tail.covariance * reading;
-    tail.covariance += (1 / share - 1) / reading.dot(shared) * shared * shared.transpose();
-    tail.state.covariance = tail.covariance.topLeftCorner<15, 15>();
-}
-
-// Likewise for the states and motions before: what is travelled is as much too long as scale is too
-// large.
-void widen_scale(Estimate& estimate, double scale_sigma, double share) {
-    const double added = (1 / share - 1) * scale_sigma * scale_sigma;
-    for (StateEstimate& state : estimate.states) {
-        Vector6d travelled;
-        travelled << state.T_W_B.p - estimate.states.front().T_W_B.p, state.v_W;
-        state.covariance.block<6, 6>(kPosition, kPosition) +=
-            added * travelled * travelled.transpose();
-    }
-    for (RelativeMotion& motion : estimate.keyframe_motions) {
-        const Eigen::Vector3d& p = motion.T_A_B.p;
-        motion.covariance.bottomRightCorner<3, 3>() += added * p * p.transpose();
-    }
 }
 
 }  // namespace
@@ -266,19 +226,14 @@ std::optional<Prefix::Start> Prefix::attempt(const ImuReading* next) {
     if (result.tail && result.tail->covariance.allFinite())
         gyro_bias_ = {result.tail->state.gyro_bias,
                       result.tail->covariance.block<3, 3>(kGyroBias, kGyroBias)};
-    const double share = use_imu_ ? share_of_motion(result.estimate, problem.imu, rig_) : 1;
-    if (share > 0 && share < 1 && result.tail && result.tail->covariance.allFinite()) {
-        widen_scale(result.estimate, result.report.scale_sigma, share);
-        widen_scale(*result.tail, share);
-    }
-    std::string why = why_not(result, share);
+    std::string why = why_not(result, problem.imu);
     if (!why.empty()) return fail(std::move(why));
     return Start{std::move(result.estimate.states), std::move(result.estimate.keyframe_motions),
                  std::move(*result.tail), std::move(mount)};
 }
 
 // The value that forbids to start at a result, and its limit; empty: none.
-std::string Prefix::why_not(const BatchResult& result, double motion) const {
+std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) const {
     if (!result.report.converged) return "prefix not converged: " + result.report.reason;
     if (!result.tail || result.tail->landmarks.empty())
         return "prefix has no landmarks in its last image";
@@ -294,10 +249,18 @@ std::string Prefix::why_not(const BatchResult& result, double motion) const {
     if (!(tilt <= options_.start_tilt_sigma))
         return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
                        options_.start_tilt_sigma);
-    if (motion == 0) return "the readings' changes of velocity are no more than noise";
-    const double scale = result.report.scale_sigma / std::sqrt(motion);
-    if (!(scale <= options_.start_scale_sigma))
-        return printed("prefix scale uncertain: sigma %.3g, limit %.3g", scale,
+    // So they are at a minimum that is none of theirs.
+    constexpr double kProbability = 1 - 1e-6;
+    const int stated = 6 + (result.rig ? static_cast<int>(result.rig->unknowns.size()) : 0);
+    const double contradiction = chi_square_quantile(stated, kProbability);
+    if (!(result.report.prior_cost <= contradiction))
+        return printed(
+            "prefix biases contradict what is stated of them: squared sigmas %.3g, limit %.3g",
+            result.report.prior_cost, contradiction);
+    if (noise_alone(result.estimate, imu, rig_))
+        return "the readings' changes of velocity are no more than noise";
+    if (!(result.report.scale_sigma <= options_.start_scale_sigma))
+        return printed("prefix scale uncertain: sigma %.3g, limit %.3g", result.report.scale_sigma,
                        options_.start_scale_sigma);
     // Nor are errors normal where most points are too far to have a distance.
     const std::vector<double> ranges = range_sigmas(*result.tail);

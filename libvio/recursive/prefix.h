@@ -78,7 +78,7 @@ class Prefix {
     void drop_readings(TimeNs t);
     std::size_t covered(const ImuReading* next) const;
     ImuSequence readings(const ImuReading* next) const;
-    std::string why_not(const BatchResult& result, double motion) const;
+    std::string why_not(const BatchResult& result, const ImuSequence& imu) const;
     int step() const { return std::max(1, options_.prefix_images / 2); }
 
     Rig rig_;

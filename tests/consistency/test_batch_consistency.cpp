@@ -82,24 +82,27 @@ TEST(BatchConsistency, ARobustLossCostsWhatItShould) {
     EXPECT_NEAR(nees[1] / nees[0], 1, 0.1);
 }
 
-// Where readings' noise is a good part of what they read, a loss that believes images less than
-// they deserve makes the motion too large: of this platform's path by 6 %, at 0.7 standard
-// deviations (whose mean over the seeds has one of 0.14).
-TEST(BatchConsistency, ARobustLossLeavesScaleAsItIs) {
-    constexpr int kSeeds = 50;
-    ScenarioOptions crane = ScenarioOptions::from_file(
-        std::string(VIO_SOURCE_DIR) + "/datasets/crane.ini",
-        {"trajectory.shake_angle=0", "trajectory.shake_distance=0", "tracks.noise=0.2"});
-    double mean = 0;
-    for (int seed = 1; seed <= kSeeds; ++seed) {
+// Errors of scale, in standard deviations, over seeds of the crane.
+struct ScaleErrors {
+    double mean = 0, square = 0;
+};
+
+ScaleErrors scale_errors(const std::vector<std::string>& settings, int seeds, int images,
+                         const std::string& loss = BatchOptions().loss) {
+    ScenarioOptions crane =
+        ScenarioOptions::from_file(std::string(VIO_SOURCE_DIR) + "/datasets/crane.ini", settings);
+    ScaleErrors errors;
+    for (int seed = 1; seed <= seeds; ++seed) {
         crane.seed = seed;
-        const test::ScenarioRun run = test::run_scenario(crane, 60);
+        const test::ScenarioRun run = test::run_scenario(crane, images);
         BatchOptions options;
+        options.loss = loss;
         options.sigma_px = run.sigma_px;
         options.gyro_bias_sigma = crane.gyro_bias_sigma;
         options.accel_bias_sigma = crane.accel_bias_sigma;
         const BatchResult result = estimate_batch(run.problem, options, run.truth);
-        ASSERT_TRUE(result.report.converged) << result.report.reason;
+        EXPECT_TRUE(result.report.converged || !result.report.undetermined.empty())
+            << seed << ' ' << result.report.reason;
         const Estimate truth = test::seen_from(run.truth, result.estimate.states.front().T_W_B);
         double along = 0, length2 = 0;
         for (std::size_t i = 0; i < truth.states.size(); ++i) {
@@ -107,9 +110,33 @@ TEST(BatchConsistency, ARobustLossLeavesScaleAsItIs) {
             along += p.dot(result.estimate.states[i].T_W_B.p - truth.states.front().T_W_B.p);
             length2 += p.squaredNorm();
         }
-        mean += std::log(along / length2) / result.report.scale_sigma / kSeeds;
+        const double error = std::log(along / length2) / result.report.scale_sigma;
+        errors.mean += error / seeds;
+        errors.square += error * error / seeds;
     }
-    EXPECT_NEAR(mean, 0, 0.4);
+    return errors;
+}
+
+// Where readings' noise is a good part of what they read, a loss that believes images less than
+// they deserve makes the motion too large: of this platform's path by 6 %, at 0.36 standard
+// deviations more than no loss does.
+TEST(BatchConsistency, ARobustLossLeavesScaleAsItIs) {
+    const auto mean = [](const std::string& loss) {
+        return scale_errors(
+                   {"trajectory.shake_angle=0", "trajectory.shake_distance=0", "tracks.noise=0.2"},
+                   50, 60, loss)
+            .mean;
+    };
+    EXPECT_NEAR(mean("cauchy"), mean("none"), 0.15);
+}
+
+// A platform that hardly swings: what noise seems to tell of scale is half of all. By the normal
+// equations alone the mean square would be 3.5.
+TEST(BatchConsistency, NoiseIsNotTakenForWhatTellsOfScale) {
+    constexpr int kSeeds = 50;
+    const ScaleErrors errors = scale_errors(
+        {"trajectory.shake_angle=0.05", "trajectory.shake_distance=0.0003"}, kSeeds, 90);
+    EXPECT_NEAR(errors.square, 1, 3.3 * std::sqrt(2.0 / kSeeds));
 }
 
 // Mean NEES of the last state over seeds of a scenario, with a model that is what made the data.

@@ -11,6 +11,7 @@
 #include "libvio/recursive/rest_update.h"
 #include "libvio/recursive/start_at_rest.h"
 #include "libvio/simulation/scenario.h"
+#include "tests/draws.h"
 #include "tests/feed.h"
 #include "tests/simulated_run.h"
 #include "tests/unit/numeric_jacobian.h"
@@ -109,7 +110,7 @@ TEST(RestDetector, KnowsWhatItCannotSee) {
 TEST(StartAtRest, ErrorsMatchTheirCovariance) {
     std::mt19937 random(7);
     std::normal_distribution<double> normal;
-    const auto noise3 = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+    const auto noise3 = [&] { return test::normal_vector<3>(normal, random); };
     Rig rig = test::simulate_run({.seconds = 0.2}).rig;
     BatchOptions priors;
     priors.accel_bias_sigma = 0.1;

@@ -12,6 +12,7 @@
 #include "libvio/camera/mirror.h"
 #include "libvio/camera/perspective.h"
 #include "libvio/check/inertial.h"
+#include "tests/draws.h"
 #include "tests/faults/recordings.h"
 
 namespace vio::test {
@@ -308,8 +309,7 @@ TEST_F(SensorFaults, OnlyRestIsCalledRest) {
     std::mt19937 random(1);
     std::normal_distribution<double> normal;
     const auto noisy = [&](const Vector3d& value, double density) -> Vector3d {
-        return value + density * std::sqrt(kRate) *
-                           Vector3d(normal(random), normal(random), normal(random));
+        return value + density * std::sqrt(kRate) * normal_vector<3>(normal, random);
     };
     for (const double amplitude : {0.0, 0.3})
         for (const double unit : {1.0, 1 / 9.80665}) {

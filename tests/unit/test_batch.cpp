@@ -6,6 +6,7 @@
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/start.h"
+#include "tests/draws.h"
 #include "tests/simulated_batch.h"
 #include "tests/unit/dense_information.h"
 
@@ -110,7 +111,7 @@ class BatchVariants : public ::testing::TestWithParam<Variant> {
         std::mt19937 engine(2);
         std::normal_distribution<double> normal;
         const auto noise = [&](double s) {
-            return Eigen::Vector3d(s * normal(engine), s * normal(engine), s * normal(engine));
+            return Eigen::Vector3d(s * test::normal_vector<3>(normal, engine));
         };
         for (auto& frame : state_.frames) {
             frame.motion.R = frame.motion.R * so3::exp(noise(0.01));
@@ -149,8 +150,7 @@ TEST_P(BatchVariants, GradientIsTheDerivativeOfTheCost) {
         if (!model_.surveyed())
             for (int c = 0; c < 6; ++c) step.reduced(layout_.index(0, c)) = 0;
         for (size_t j = 0; j < model_.points.size(); ++j)
-            step.points.push_back(1e-5 *
-                                  Eigen::Vector3d(normal(engine), normal(engine), normal(engine)));
+            step.points.push_back(1e-5 * test::normal_vector<3>(normal, engine));
         double analytic = 0;
         for (size_t j = 0; j < model_.points.size(); ++j) {
             analytic += 2 * step.points[j].dot(equations.b[j]);

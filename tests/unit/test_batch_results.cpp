@@ -8,6 +8,7 @@
 #include "libvio/batch/minimize.h"
 #include "libvio/batch/published_frame.h"
 #include "libvio/batch/rig_refinement.h"
+#include "libvio/batch/scale_noise.h"
 #include "libvio/batch/start.h"
 #include "libvio/io/mrpt_conversions.h"
 #include "tests/simulated_batch.h"
@@ -47,9 +48,8 @@ TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
     objective.linearize(state, equations);
     const Eigen::MatrixXd dense = test::dense_covariance(equations, model);
     const int n = equations.matrix.size();
-    bool singular = false;
-    const Estimate estimate = publish(model, objective, state, {}, &equations, singular);
-    ASSERT_FALSE(singular);
+    ASSERT_TRUE(equations.factorize());
+    const Estimate estimate = publish(model, objective, state, {}, &equations);
     const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
         EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
     };
@@ -72,25 +72,24 @@ TEST(BatchResults, MarginalsAndJointBlocksAreThoseOfTheDenseInverse) {
         close(landmark.covariance, dense.block<3, 3>(k, k));
     }
     // The joint of the last state and its points.
-    const auto tail = publish_tail(model, objective, state, equations);
-    ASSERT_TRUE(tail);
-    ASSERT_GT(tail->landmarks.size(), 5u);
+    const BatchTail tail = publish_tail(model, objective, state, equations);
+    ASSERT_GT(tail.landmarks.size(), 5u);
     std::vector<int> at{layout.index(model.frames() - 1, kGyroBias)};
-    for (const LandmarkEstimate& landmark : tail->landmarks) at.push_back(column.at(landmark.id));
+    for (const LandmarkEstimate& landmark : tail.landmarks) at.push_back(column.at(landmark.id));
     for (size_t a = 0; a < at.size(); ++a)
         for (size_t b = 0; b <= a; ++b) {
             const auto place = [](size_t k) { return k == 0 ? 9 : 12 + 3 * static_cast<int>(k); };
             const double scale = std::sqrt(dense.block<3, 3>(at[a], at[a]).norm() *
                                            dense.block<3, 3>(at[b], at[b]).norm());
             EXPECT_LT(
-                (tail->covariance.block<3, 3>(place(a), place(b)) - dense.block<3, 3>(at[a], at[b]))
+                (tail.covariance.block<3, 3>(place(a), place(b)) - dense.block<3, 3>(at[a], at[b]))
                     .norm(),
                 1e-6 * scale);
         }
 }
 
 struct Published {
-    bool surveyed, inertial, rig_open;
+    bool surveyed, inertial, rig_open, widened;
 };
 
 class PublishedCovariances : public ::testing::TestWithParam<Published> {
@@ -127,13 +126,8 @@ class PublishedCovariances : public ::testing::TestWithParam<Published> {
         rig.linearize(*objective_, state_, *equations_);
     }
 
-    Estimate published(const State& state, NormalEquations* equations = nullptr) const {
-        bool singular = false;
-        const int last = model_.frames() - 1;
-        Estimate estimate =
-            publish(model_, *objective_, state, {0, 3, 9, last}, equations, singular);
-        EXPECT_FALSE(singular);
-        return estimate;
+    Estimate published(const State& state, const NormalEquations* equations = nullptr) const {
+        return publish(model_, *objective_, state, {0, 3, 9, model_.frames() - 1}, equations);
     }
 
     // Of all that an estimate says, seen from another one: 15 for each state, 6 for each motion
@@ -193,11 +187,31 @@ class PublishedCovariances : public ::testing::TestWithParam<Published> {
 // point joins them), landmarks and gravity: the covariance of all unknowns, mapped by the numerical
 // derivative of what is published wrt them.
 TEST_P(PublishedCovariances, AreTheDenseInverseMapped) {
+    Eigen::MatrixXd dense = test::dense_covariance(*equations_, model_);
+    ASSERT_TRUE(equations_->factorize());
+    if (GetParam().widened) {
+        constexpr double kFactor = 5;
+        const Eigen::VectorXd c = scale_reading(model_, state_, *equations_);
+        const Eigen::VectorXd with_c = dense.leftCols(c.size()) * c;
+        dense += (kFactor - 1) / c.dot(with_c.head(c.size())) * with_c * with_c.transpose();
+        equations_->widen(c, kFactor);
+        EXPECT_NEAR(equations_->covariance(c)(0, 0),
+                    c.dot(dense.topRows(c.size()).leftCols(c.size()) * c),
+                    1e-6 * equations_->covariance(c)(0, 0));
+        if (const auto& rig = equations_->rig_solution()) {
+            const auto r = rig->covariance.rows();
+            const Eigen::MatrixXd own = dense.bottomRightCorner(r, r);
+            const Eigen::VectorXd scale = own.diagonal().cwiseSqrt().cwiseInverse();
+            EXPECT_LT((scale.asDiagonal() *
+                       (equations_->shared_errors()->covariance.topLeftCorner(r, r) - own) *
+                       scale.asDiagonal())
+                          .norm(),
+                      1e-4);
+        }
+    }
     const Estimate estimate = published(state_, &*equations_);
     const Eigen::MatrixXd J = jacobian(estimate);
-    const Eigen::MatrixXd mapped =
-        J * test::dense_covariance(*equations_, model_).topLeftCorner(J.cols(), J.cols()) *
-        J.transpose();
+    const Eigen::MatrixXd mapped = J * dense.topLeftCorner(J.cols(), J.cols()) * J.transpose();
     int at = 0;
     const auto expect = [&](const char* what, const Eigen::MatrixXd& published) {
         const auto size = published.rows();
@@ -224,17 +238,16 @@ TEST_P(PublishedCovariances, AreTheDenseInverseMapped) {
         EXPECT_EQ(estimate.gravity_covariance.topRows<2>(), (Eigen::Matrix<double, 2, 3>::Zero()));
 }
 
-INSTANTIATE_TEST_SUITE_P(BatchResults, PublishedCovariances,
-                         ::testing::Values(Published{false, true, false},
-                                           Published{false, true, true},
-                                           Published{true, true, true},
-                                           Published{false, false, false}),
-                         [](const auto& variant) {
-                             const Published& p = variant.param;
-                             return std::string(p.surveyed ? "surveyed" : "free") +
-                                    (p.inertial ? "" : "_image_only") +
-                                    (p.rig_open ? "_rig_open" : "");
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    BatchResults, PublishedCovariances,
+    ::testing::Values(Published{false, true, false, false}, Published{false, true, true, false},
+                      Published{true, true, true, false}, Published{false, false, false, false},
+                      Published{false, true, false, true}, Published{false, true, true, true}),
+    [](const auto& variant) {
+        const Published& p = variant.param;
+        return std::string(p.surveyed ? "surveyed" : "free") + (p.inertial ? "" : "_image_only") +
+               (p.rig_open ? "_rig_open" : "") + (p.widened ? "_widened" : "");
+    });
 
 // Against samples of two vectors that turn by a tilt of a degree while they err along themselves by
 // a tenth: what is left once the first order is taken off.

@@ -5,6 +5,7 @@
 
 #include "libvio/geometry/pose.h"
 #include "libvio/geometry/triangulation.h"
+#include "tests/draws.h"
 #include "tests/unit/numeric_jacobian.h"
 
 namespace vio {
@@ -17,8 +18,7 @@ TEST(So3, LogInvertsExpFromZeroToPi) {
     std::normal_distribution<double> normal;
     for (double angle : {0.0, 1e-9, 1e-5, 1e-4, 1e-2, 1.0, 3.0, M_PI - 1e-5, M_PI - 1e-9}) {
         for (int i = 0; i < 100; ++i) {
-            const Eigen::Vector3d axis =
-                Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized();
+            const Eigen::Vector3d axis = test::normal_vector<3>(normal, engine).normalized();
             const Eigen::Matrix3d R = so3::exp(angle * axis);
             EXPECT_LT((R * R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-14);
             EXPECT_LT((so3::log(R) - angle * axis).norm(), 1e-12) << angle;
@@ -62,8 +62,7 @@ TEST(Triangulation, CovarianceIsThatOfTheNoise) {
             const Eigen::Vector3d origin(0.2 * i, 0.05 * i * i, 0);
             const Eigen::Vector3d d = (point - origin).normalized();
             // Small rotation about a random axis across the line of sight.
-            const Eigen::Vector3d noise =
-                sigma * Eigen::Vector3d(normal(engine), normal(engine), normal(engine));
+            const Eigen::Vector3d noise = sigma * test::normal_vector<3>(normal, engine);
             lines.push_back({origin, (d + noise - d * d.dot(noise)).normalized()});
         }
         const auto result = triangulate(lines, sigma);

@@ -119,9 +119,9 @@ TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
     const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
         EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
     };
-    const auto tail = publish_tail(model_, *objective_, state_, *equations_);
-    ASSERT_TRUE(tail);
+    ASSERT_TRUE(equations_->factorize());
     ASSERT_TRUE(equations_->rig_solution());
+    const BatchTail tail = publish_tail(model_, *objective_, state_, *equations_);
     const Eigen::VectorXd information = rig_->sigmas().cwiseInverse();
     const auto r = information.size();
     close(information.asDiagonal() * equations_->rig_solution()->covariance *
@@ -130,11 +130,11 @@ TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
     std::map<FeatureId, int> column;
     for (size_t j = 0; j < model_.points.size(); ++j)
         column[model_.points[j].id] = n + 3 * static_cast<int>(j);
-    for (size_t a = 0; a < tail->landmarks.size(); ++a) {
-        const int k = column.at(tail->landmarks[a].id),
+    for (size_t a = 0; a < tail.landmarks.size(); ++a) {
+        const int k = column.at(tail.landmarks[a].id),
                   gyro = layout.index(model_.frames() - 1, kGyroBias);
-        close(tail->landmarks[a].covariance, dense.block<3, 3>(k, k));
-        EXPECT_LT((tail->covariance.block<3, 3>(15 + 3 * static_cast<int>(a), kGyroBias) -
+        close(tail.landmarks[a].covariance, dense.block<3, 3>(k, k));
+        EXPECT_LT((tail.covariance.block<3, 3>(15 + 3 * static_cast<int>(a), kGyroBias) -
                    dense.block<3, 3>(k, gyro))
                       .norm(),
                   1e-6 * std::sqrt(dense.block<3, 3>(k, k).norm() *
