@@ -9,6 +9,7 @@
 namespace vio {
 
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 namespace {
 
@@ -161,17 +162,33 @@ void ErrorsInVariables::take_out(const TimesHt& times_Ht, const blas::ConstMatri
     mirror_lower(V_);
 }
 
-// (I - K H) C (I - K H)^T, V likewise.
-void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& times_Ht) {
+// C becomes (I - n_s s^T) (I - K H) C (I - K H)^T: as s^T C is zero before, with K - n_s (s^T K) for
+// the first K. V likewise.
+void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& times_Ht,
+                               const Scale& scale) {
+    MatrixXd of_noise = gain;
+    if (has_landmarks() && scale.reading.size() > 0)
+        of_noise.noalias() -= scale.direction * (scale.reading.transpose() * gain).eval();
     MatrixXd C_transposed(C_.cols(), C_.rows());
     transpose(C_, C_transposed);
-    blas::add_product(-1, gain, times_Ht(C_transposed), C_);
+    blas::add_product(-1, of_noise, times_Ht(C_transposed), C_);
     blas::add_product(-1, times_Ht(C_), gain, C_);
     if (!has_landmarks()) return;
-    const auto own = gain.topRows(V_.rows());
+    const auto own = of_noise.topRows(V_.rows());
     blas::add_product(-1, own, times_Ht(V_), V_);
     blas::add_product(-1, times_Ht(V_), own, V_);
     mirror_lower(V_);
+}
+
+// g~ becomes (I - n_s s^T) g~, where the new landmarks' part of s^T g~ is c^T g~.
+void ErrorsInVariables::read_scale_anew(int first, const MatrixXd& G, const Scale& scale) {
+    if (!has_landmarks() || scale.reading.size() == 0) return;
+    C_ -= scale.direction * (scale.reading.transpose() * C_);
+    const VectorXd n = scale.direction.head(V_.rows()),
+                   c = G.transpose() * scale.reading.tail(G.rows()),
+                   Vc = V_.middleCols(first, c.size()) * c;
+    V_ += c.dot(Vc.segment(first, c.size())) * n * n.transpose() - n * Vc.transpose() -
+          Vc * n.transpose();
 }
 
 double ErrorsInVariables::share_of_motion(double information, std::optional<double> noise) {

@@ -26,7 +26,11 @@
 // All of it is of first order: after a correction too large for that n comes out negative, and C
 // and V begin anew.
 //
-// V is that of core, mount and clones: with that of landmarks n would be the same to 2 % (crane).
+// Images see no multiple of n_s, what scale makes of the state, so how much of it is in g~ is but a
+// choice of what reads scale, and would grow without bound where points are soon replaced. Read by
+// s, the landmarks' mean, it is none: whatever moves landmarks, g~ becomes g~ - n_s (s^T g~).
+//
+// V is that of core, mount and clones, as if landmarks held no noise beside that mean.
 // With many landmarks C would cost several times what the filter does; then it is that of core and
 // clones alone, too, as if landmarks held none of the noise, and n is not known.
 #pragma once
@@ -47,6 +51,12 @@ namespace vio {
 /// For an inertial core: C and V above, in the order of the filter's errors.
 class ErrorsInVariables {
  public:
+    /// Scale among all errors: n_s above, and s, of landmarks alone, s^T n_s = 1. Empty where there
+    /// are no landmarks to read it.
+    struct Scale {
+        Eigen::VectorXd direction, reading;
+    };
+
     ErrorsInVariables();
 
     const Eigen::MatrixXd& correlation() const { return C_; }
@@ -70,6 +80,8 @@ class ErrorsInVariables {
     void add_exact(int count);
     /// Adds landmarks' errors, which are G times those from `first` on, and noise.
     void augment(int first, const Eigen::MatrixXd& G);
+    /// Then s reads them, too.
+    void read_scale_anew(int first, const Eigen::MatrixXd& G, const Scale& scale);
     /// The six errors at `at` grow by `rate` times that at `by`.
     void add(int at, int by, const Vector6d& rate);
     /// The three errors at `at` become J times what they, the poses at two offsets, and the
@@ -86,7 +98,7 @@ class ErrorsInVariables {
     /// noise is taken out of V.
     void take_out(const TimesHt& times_Ht, const blas::ConstMatrix& L);
     /// Then the errors become (I - gain H) times what they were, and noise.
-    void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht);
+    void update(const blas::ConstMatrix& gain, const TimesHt& times_Ht, const Scale& scale);
     /// Whether n of the next update is wanted.
     bool noise_due() const { return updates_ % kNoiseEvery == 0; }
     /// x above, after an update of which I is given, and n if it was due.

@@ -252,8 +252,9 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     MatrixXd PGt = MatrixXd::Zero(size_, added);
     blas::add_product(1, P_.block(0, first, size_, G.cols()), G, PGt);
     const MatrixXd own = G * PGt.middleRows(first, G.cols()) + noise;
-    if (in_variables_ && in_variables_->size() == size_ &&
-        landmarks_.size() + landmarks.size() <= kFewLandmarks)
+    const bool few = in_variables_ && in_variables_->size() == size_ &&
+                     landmarks_.size() + landmarks.size() <= kFewLandmarks;
+    if (few)
         in_variables_->augment(static_cast<int>(first), G);
     else if (in_variables_)
         in_variables_->truncate(window_size());
@@ -262,6 +263,7 @@ void FilterState::augment(const std::vector<LandmarkState>& landmarks, const Mat
     P_.block(size_, size_, added, added) = 0.5 * (own + own.transpose());
     landmarks_.insert(landmarks_.end(), landmarks.begin(), landmarks.end());
     size_ += added;
+    if (few) in_variables_->read_scale_anew(static_cast<int>(first), G, scale());
 }
 
 void FilterState::clone(int image_idx, const Vector6d& pose_rate, double shift) {

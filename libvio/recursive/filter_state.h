@@ -238,6 +238,7 @@ class FilterState {
     void carry(int at, const Carrier& T);
     Eigen::VectorXd scale_direction(const Eigen::VectorXd& delta) const;
     Eigen::VectorXd scale_reading() const;
+    ErrorsInVariables::Scale scale() const;
     Eigen::VectorXd scaled(Eigen::VectorXd delta, const Eigen::VectorXd& reading) const;
     void carry_scale(const Eigen::VectorXd& change, const Eigen::VectorXd& reading);
     Matrix6d pose_carrier(const Vector6d& delta, const Eigen::Matrix3d& R_before) const;

@@ -385,7 +385,8 @@ void FilterState::update_sensitivity(const Rows& H, bool trusted) {
     mirror_lower(P_.topLeftCorner(n, n));
     MatrixXd gain = times_transpose(P_.topLeftCorner(n, size_), H);
     if (u_.size() > 0) gain.noalias() += P_reading_.head(n) * u_.transpose();
-    in_variables_->update(gain, [&](const blas::ConstMatrix& M) { return times_transpose(M, H); });
+    in_variables_->update(
+        gain, [&](const blas::ConstMatrix& M) { return times_transpose(M, H); }, scale());
 }
 
 // Moves the mean, and the covariance with it, of which the lower triangle is read: P <- T P T^T
@@ -444,6 +445,10 @@ VectorXd FilterState::scaled(VectorXd delta, const VectorXd& reading) const {
     for (int i = 0; i < static_cast<int>(landmarks_.size()); ++i)
         delta(landmark_offset(i) + 2) += beyond * landmarks_[i].point.x.z();
     return delta;
+}
+
+ErrorsInVariables::Scale FilterState::scale() const {
+    return {scale_direction(VectorXd::Zero(size_)), scale_reading()};
 }
 
 // What reads the scale's error from the errors of the state: the mean of the landmarks' relative

@@ -21,6 +21,7 @@ using Eigen::Vector3d;
 class SensitivitySamples {
  public:
     static constexpr int kCore = 15, kClone = 6, kWindow = 21, kLandmark = 3, kMeasured = 4;
+    static constexpr int kDistance = kWindow + 2;
 
     void propagate() {
         const CoreMatrix F = CoreMatrix::Identity(kCore, kCore) + 0.2 * drawn(kCore, kCore);
@@ -49,13 +50,25 @@ class SensitivitySamples {
         become(T);
     }
 
-    // One that nothing is ever told of: V leaves out what noise landmarks hold.
+    // One whose distance errs with the clone. It alone reads scale.
     void add_landmark() {
-        tracked_.augment(kCore, MatrixXd::Zero(kLandmark, kClone));
-        become(MatrixXd::Identity(kWindow + kLandmark, kWindow));
-        P_.bottomRightCorner(kLandmark, kLandmark).setIdentity();
-        errors_.bottomRows(kLandmark) = drawn(kLandmark, samples());
+        scale_.direction = drawn(kWindow + kLandmark, 1);
+        scale_.reading =
+            Eigen::VectorXd::Unit(kWindow + kLandmark, kDistance) / scale_.direction(kDistance);
+        MatrixXd G = MatrixXd::Zero(kLandmark, kClone);
+        G.bottomRows<1>() = drawn(1, kClone);
+        tracked_.augment(kCore, G);
+        tracked_.read_scale_anew(kCore, G, scale_);
+        MatrixXd T = MatrixXd::Identity(kWindow + kLandmark, kWindow);
+        T.block(kWindow, kCore, kLandmark, kClone) = G;
+        become(T);
+        P_.bottomRightCorner(kLandmark, kLandmark) += MatrixXd::Identity(kLandmark, kLandmark);
+        errors_.bottomRows(kLandmark) += drawn(kLandmark, samples());
+        read_scale();
     }
+
+    // Images do not see how much of the noise is scale.
+    void read_scale() { noise_ -= scale_.direction * (scale_.reading.transpose() * noise_).eval(); }
 
     void become(const MatrixXd& T) {
         P_ = (T * P_ * T.transpose()).eval();
@@ -67,19 +80,21 @@ class SensitivitySamples {
         const Eigen::Index n = P_.rows();
         MatrixXd H = MatrixXd::Zero(kMeasured, n);
         H.leftCols(kWindow) = drawn(kMeasured, kWindow);
+        H.col(kDistance) = drawn(kMeasured, 1);
         const MatrixXd S = H * P_ * H.transpose() + MatrixXd::Identity(kMeasured, kMeasured);
         const MatrixXd gain = P_ * H.transpose() * S.inverse(),
                        reduction = MatrixXd::Identity(n, n) - gain * H;
         const MatrixXd y = H * errors_ + drawn(kMeasured, samples());
         noise_ = (reduction * (noise_ - tracked_.correlation() * H.transpose() * S.inverse() * y))
                      .eval();
+        read_scale();
         errors_ -= gain * y;
         P_ = (reduction * P_).eval();
         const auto times_Ht = [&](const blas::ConstMatrix& M) -> MatrixXd {
             return M * H.leftCols(M.cols()).transpose();
         };
         tracked_.take_out(times_Ht, S.llt().matrixL().toDenseMatrix());
-        tracked_.update(gain, times_Ht);
+        tracked_.update(gain, times_Ht, scale_);
     }
 
     // Of a correlation between samples, from what is stated, beside the largest of its kind.
@@ -103,6 +118,7 @@ class SensitivitySamples {
 
     std::mt19937 random_{3};
     ErrorsInVariables tracked_;
+    ErrorsInVariables::Scale scale_;
     MatrixXd P_ = MatrixXd::Identity(kCore, kCore);
     MatrixXd errors_ = drawn(kCore, samples()), noise_ = MatrixXd::Zero(kCore, samples());
 };
