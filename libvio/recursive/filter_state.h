@@ -75,6 +75,7 @@ struct InnovationSums {
     int dof = 0;            ///< rows
     double squared = 0;     ///< in variances of the measurement
     double normalised = 0;  ///< r^T S^-1 r
+    double scale = 0;       ///< largest correction of scale, in its own standard deviations
 
     void add(const Eigen::Ref<const Eigen::VectorXd>& residual, double normalised_square) {
         dof += static_cast<int>(residual.size());
@@ -229,6 +230,7 @@ class FilterState {
     struct ToldOfScale {
         double variance = 0, information = 0;
         std::optional<double> noise;
+        double sigmas(double correction) const;
     };
     ToldOfScale told_of_scale(const std::vector<PointRows>& rows,
                               const Eigen::VectorXd& reading) const;

@@ -238,6 +238,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     reduce_covariance(rows, reading);
     update_sensitivity(rows, sensitive);
     if (doubtful) {
+        innovations_.scale = told.sigmas(reading.dot(delta));
         doubt_scale(told, reading, &delta);
         step = scaled(delta, reading);
     }
@@ -327,6 +328,13 @@ VectorXd FilterState::sensitivity_change(const Rows& H, const VectorXd& weight) 
 template <typename Rows>
 void FilterState::take_out_noise(const Rows& H) {
     in_variables_->take_out([&](const blas::ConstMatrix& M) { return times_transpose(M, H); }, L_);
+}
+
+// The correction's variance is what it takes off s^2.
+double FilterState::ToldOfScale::sigmas(double correction) const {
+    if (!(information > 0)) return 0;
+    return std::abs(correction) /
+           (variance * std::sqrt(information / (1 + variance * information)));
 }
 
 // Before the covariance is reduced.

@@ -95,6 +95,7 @@ void Iekf::Impl::process_image(const TimedFrame& image) {
     if (!after_gap) image_interval = to_seconds(image.frame.t - image_time);
     image_time = image.frame.t;
     innovations = {.t = image.frame.t};
+    scale_correction = 0;
     take_reading_innovations();
     move_to(image.t_imu, image.frame.t);
     abandon_if_blind(image.frame.t);

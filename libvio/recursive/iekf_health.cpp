@@ -10,7 +10,10 @@ namespace {
 
 constexpr int kMaxBadImages = 3;   // consecutive, then all landmarks are
 constexpr int kJudgedSights = 30;  // of the judged images, if their share is to count
-// What is added to the core's uncertainty when most landmarks have contradicted it for long.
+// Of an image's correction of scale, in its standard deviations: what is more, of which chance
+// makes one in two million, is no error of first order.
+constexpr double kMostOfScale = 5;
+// What is added to the core's uncertainty when images have contradicted it.
 constexpr double kLostRotation = 0.1, kLostPosition = 1.0, kLostVelocity = 1.0;
 
 }  // namespace
@@ -37,8 +40,9 @@ void Iekf::Impl::judge(TimeNs t) {
     lost = now_lost;
     if (!restarts()) return;
     if (restarting && !abandoned && !lost) return recovered(t);
-    if (!abandoned && contradicts()) {
-        abandon(t, "most points have contradicted the state for a while");
+    if (!abandoned && (contradicts() || scale_correction > kMostOfScale)) {
+        abandon(t, contradicts() ? "most points have contradicted the state for a while"
+                                 : scale_contradicted());
         state->inflate(state->find_clone(image_idx), kLostRotation, kLostPosition, kLostVelocity);
     } else if (unsure && !restarting) {
         restart(t, why());
@@ -65,6 +69,13 @@ std::string Iekf::Impl::velocity_known(double limit) const {
     char text[160];
     std::snprintf(text, sizeof text, "velocity known to %.2g m/s, limit %.2g m/s", known_velocity(),
                   velocity_limit(limit));
+    return text;
+}
+
+std::string Iekf::Impl::scale_contradicted() const {
+    char text[160];
+    std::snprintf(text, sizeof text, "scale was to be corrected by %.3g sigma, limit %.3g",
+                  scale_correction, kMostOfScale);
     return text;
 }
 

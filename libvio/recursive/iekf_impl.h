@@ -76,6 +76,7 @@ struct Iekf::Impl {
     double known_velocity() const;
     double velocity_limit(double sigma) const;
     std::string velocity_known(double limit) const;
+    std::string scale_contradicted() const;
     bool restarts() const { return use_imu && options.motion == "imu_driven"; }
     void abandon_if_blind(TimeNs t);
     void abandon(TimeNs t, const std::string& why);
@@ -129,6 +130,7 @@ struct Iekf::Impl {
     std::vector<LandmarkSight> known;
     int used = 0;
     bool contradicted = false;
+    double scale_correction = 0;  // in its standard deviations
     ImageInnovations innovations;
     std::vector<FeatureId> rejected;  // not yet taken by the caller
 

@@ -122,6 +122,7 @@ void Iekf::Impl::take_reading_innovations() {
 void Iekf::Impl::take_point_innovations() {
     const InnovationSums sums = state->take_innovations();
     if (sums.dof == 0) return;
+    scale_correction = std::max(scale_correction, sums.scale);
     ImageInnovations& all = innovations;
     const double squared =
         all.dof * all.rms_px * all.rms_px + sums.squared * options.sigma_px * options.sigma_px;
