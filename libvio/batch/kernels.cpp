@@ -13,7 +13,11 @@ void subtract_product(double* target, long stride, const double* T, const double
         const double b0 = S[c + 1], b1 = S[T_stride + c + 1], b2 = S[2 * T_stride + c + 1];
         double* __restrict__ a = target + c * stride;
         double* __restrict__ b = a + stride;
+#ifdef __clang__
+#pragma clang loop vectorize(assume_safety)
+#else
 #pragma GCC ivdep
+#endif
         for (int r = 0; r < rows; ++r) {
             a[r] -= t0[r] * a0 + t1[r] * a1 + t2[r] * a2;
             b[r] -= t0[r] * b0 + t1[r] * b1 + t2[r] * b2;

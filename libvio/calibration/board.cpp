@@ -16,8 +16,9 @@ Board make_checkerboard(int cols, int rows, double col_spacing, double row_spaci
 
 Board make_april_grid(int cols, int rows, double tag_size, double spacing) {
     Board board{Board::Pattern::kAprilGrid, cols, rows, {}};
-    const auto place = [&](int k) {
-        return tag_size * (k / 2 * (1 + spacing) + k % 2);  // corner k of a row
+    const auto place = [&](int corner) {
+        const int tag = corner / 2;
+        return tag_size * (tag * (1 + spacing) + corner % 2);
     };
     for (int r = 0; r < 2 * rows; ++r)
         for (int c = 0; c < 2 * cols; ++c)
