@@ -7,11 +7,11 @@
 namespace vio::batch {
 
 /// Estimate in the published frames. With covariances where `equations` are given, linearised and
-/// factorised (undamped) at `state`: they are those of the inverse information, the first pose and
-/// (with inertial data) the heading about the vertical being the gauge, i.e. known exactly. Where
-/// gravity's norm is known, the accelerometer bias's covariance has the curvature of its trade with
-/// gravity's direction added. Motions are given between consecutive ones of the frames `keyframes`
-/// (indices).
+/// factorised (undamped) at `state`: they are those of the inverse information, what was widened
+/// included, the first pose and (with inertial data) the heading about the vertical being the
+/// gauge, i.e. known exactly. Where gravity's norm is known, the accelerometer bias's covariance
+/// has the curvature of its trade with gravity's direction added. Motions are given between
+/// consecutive ones of the frames `keyframes` (indices).
 Estimate publish(const Model& model, const Objective& objective, const State& state,
                  const std::vector<int>& keyframes, const NormalEquations* equations);
 

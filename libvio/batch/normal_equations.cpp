@@ -156,6 +156,7 @@ bool NormalEquations::eliminate(double lambda) {
 
 bool NormalEquations::factorize(double lambda) {
     rig_solution_.reset();
+    shared_errors_.reset();
     if (!eliminate(lambda)) return false;
     if (rig) solve_rig_covariance();
     shared_errors_ = rig_solution_;

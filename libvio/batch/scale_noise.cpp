@@ -78,7 +78,7 @@ Eigen::VectorXd scale_reading(const Model& model, const State& state,
 
 void widen_scale(const Model& model, const Objective& objective, const State& state,
                  NormalEquations& equations) {
-    constexpr double kLeastShare = 0.05;  // of motion: what is less leaves scale undetermined
+    constexpr double kLeastShare = 0.05;  // of motion, lest sigma be infinite
     const Eigen::VectorXd c = scale_reading(model, state, equations);
     if (c.size() == 0) return;
     const double variance = equations.covariance(c)(0, 0);

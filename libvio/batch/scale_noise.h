@@ -10,8 +10,8 @@
 // Error Models, 1987, section 1.3). With x = 1 - m / I that is 1 / (x^2 I).
 //
 // In the batch problem, with J the whitened rows of the readings and P the covariance of all
-// unknowns were scale known, rho becomes H = J P J^T. Scaled are positions and velocities; with J_s
-// the columns of these alone, the motion is off by noise of covariance J_s P J_s^T, hence
+// unknowns were scale and rig known, rho becomes H = J P J^T. Scaled are positions and velocities;
+// with J_s the columns of these alone, the motion is off by noise of covariance J_s P J_s^T, hence
 //   m = tr((1 - H) J_s P J_s^T),
 // a mean over random signs z (Hutchinson 1990) of ((1 - H) z)^T J_s P J_s^T z.
 #pragma once

@@ -162,8 +162,8 @@ void ErrorsInVariables::take_out(const TimesHt& times_Ht, const blas::ConstMatri
     mirror_lower(V_);
 }
 
-// C becomes (I - n_s s^T) (I - K H) C (I - K H)^T: as s^T C is zero before, with K - n_s (s^T K)
-// for the first K. V likewise.
+// C becomes (I - n_s s^T) (I - K H) C (I - K H)^T: as s^T C is next to zero since landmarks were
+// added last, with K - n_s (s^T K) for the first K. V likewise.
 void ErrorsInVariables::update(const blas::ConstMatrix& gain, const TimesHt& times_Ht,
                                const Scale& scale) {
     MatrixXd of_noise = gain;

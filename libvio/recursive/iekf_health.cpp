@@ -39,8 +39,9 @@ void Iekf::Impl::judge(TimeNs t) {
                    : "tracking lost: " + why());
     lost = now_lost;
     if (!restarts()) return;
-    if (restarting && !abandoned && !lost) return recovered(t);
-    if (!abandoned && (contradicts() || scale_correction > kMostOfScale)) {
+    const bool scale_wrong = scale_correction > kMostOfScale;
+    if (restarting && !abandoned && !lost && !scale_wrong) return recovered(t);
+    if (!abandoned && (contradicts() || scale_wrong)) {
         abandon(t, contradicts() ? "most points have contradicted the state for a while"
                                  : scale_contradicted());
         state->inflate(state->find_clone(image_idx), kLostRotation, kLostPosition, kLostVelocity);

@@ -249,13 +249,15 @@ std::string Prefix::why_not(const BatchResult& result, const ImuSequence& imu) c
     if (!(tilt <= options_.start_tilt_sigma))
         return printed("prefix tilt uncertain: sigma %.3g rad, limit %.3g rad", tilt,
                        options_.start_tilt_sigma);
-    // So they are at a minimum that is none of theirs.
+    // Far from what is stated of them they mark a false minimum. (With fixed weights their cost is
+    // not in squared sigmas.)
     constexpr double kProbability = 1 - 1e-6;
     const int stated = 6 + (result.rig ? static_cast<int>(result.rig->unknowns.size()) : 0);
     const double contradiction = chi_square_quantile(stated, kProbability);
-    if (!(result.report.prior_cost <= contradiction))
+    if (batch_.weighting != "fixed" && !(result.report.prior_cost <= contradiction))
         return printed(
-            "prefix biases contradict what is stated of them: squared sigmas %.3g, limit %.3g",
+            "prefix biases or mount contradict what is stated of them: squared sigmas %.3g, limit "
+            "%.3g",
             result.report.prior_cost, contradiction);
     if (noise_alone(result.estimate, imu, rig_))
         return "the readings' changes of velocity are no more than noise";

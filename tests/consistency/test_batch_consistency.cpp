@@ -103,6 +103,10 @@ ScaleErrors scale_errors(const std::vector<std::string>& settings, int seeds, in
         const BatchResult result = estimate_batch(run.problem, options, run.truth);
         EXPECT_TRUE(result.report.converged || !result.report.undetermined.empty())
             << seed << ' ' << result.report.reason;
+        if (result.estimate.states.empty()) {
+            ADD_FAILURE() << seed << ": no states";
+            continue;
+        }
         const Estimate truth = test::seen_from(run.truth, result.estimate.states.front().T_W_B);
         double along = 0, length2 = 0;
         for (std::size_t i = 0; i < truth.states.size(); ++i) {
