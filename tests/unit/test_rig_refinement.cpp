@@ -5,6 +5,7 @@
 
 #include "libvio/batch/marginals.h"
 #include "libvio/batch/minimize.h"
+#include "libvio/batch/scale_noise.h"
 #include "libvio/batch/start.h"
 #include "tests/simulated_batch.h"
 #include "tests/unit/dense_information.h"
@@ -109,19 +110,19 @@ TEST_F(RigRefined, StepsLeadToTheMinimum) {
 }
 
 // The rig's covariance, and the joint one of the last state and its points, are blocks of the
-// inverse of the whole information matrix, the rig's unknowns among the others.
+// inverse of the whole information matrix, the rig's unknowns among the others; scale widened or
+// not.
 TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
     minimize(*objective_, *equations_, {}, state_, &*rig_);
     linearize();
     const Layout& layout = equations_->layout();
     const int n = equations_->matrix.size();
-    const Eigen::MatrixXd dense = test::dense_covariance(*equations_, model_);
+    Eigen::MatrixXd dense = test::dense_covariance(*equations_, model_);
+    ASSERT_TRUE(equations_->factorize());
+    ASSERT_TRUE(equations_->rig_solution());
     const auto close = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
         EXPECT_LT((a - b).norm(), 1e-6 * b.norm());
     };
-    ASSERT_TRUE(equations_->factorize());
-    ASSERT_TRUE(equations_->rig_solution());
-    const BatchTail tail = publish_tail(model_, *objective_, state_, *equations_);
     const Eigen::VectorXd information = rig_->sigmas().cwiseInverse();
     const auto r = information.size();
     close(information.asDiagonal() * equations_->rig_solution()->covariance *
@@ -130,15 +131,28 @@ TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
     std::map<FeatureId, int> column;
     for (size_t j = 0; j < model_.points.size(); ++j)
         column[model_.points[j].id] = n + 3 * static_cast<int>(j);
-    for (size_t a = 0; a < tail.landmarks.size(); ++a) {
-        const int k = column.at(tail.landmarks[a].id),
-                  gyro = layout.index(model_.frames() - 1, kGyroBias);
-        close(tail.landmarks[a].covariance, dense.block<3, 3>(k, k));
-        EXPECT_LT((tail.covariance.block<3, 3>(15 + 3 * static_cast<int>(a), kGyroBias) -
-                   dense.block<3, 3>(k, gyro))
-                      .norm(),
-                  1e-6 * std::sqrt(dense.block<3, 3>(k, k).norm() *
-                                   dense.block<3, 3>(gyro, gyro).norm()));
+    const int gyro = layout.index(model_.frames() - 1, kGyroBias);
+    for (const bool widened : {false, true}) {
+        SCOPED_TRACE(widened);
+        if (widened) {
+            constexpr double kFactor = 5;
+            const Eigen::VectorXd c = scale_reading(model_, state_, *equations_);
+            const Eigen::VectorXd with_c = dense.leftCols(n) * c;
+            dense += (kFactor - 1) / c.dot(with_c.head(n)) * with_c * with_c.transpose();
+            equations_->widen(c, kFactor);
+        }
+        const BatchTail tail = publish_tail(model_, *objective_, state_, *equations_);
+        ASSERT_EQ(tail.with_rig.cols(), r);
+        for (size_t a = 0; a < tail.landmarks.size(); ++a) {
+            const int k = column.at(tail.landmarks[a].id), at = 15 + 3 * static_cast<int>(a);
+            close(tail.landmarks[a].covariance, dense.block<3, 3>(k, k));
+            EXPECT_LT(
+                (tail.covariance.block<3, 3>(at, kGyroBias) - dense.block<3, 3>(k, gyro)).norm(),
+                1e-6 * std::sqrt(dense.block<3, 3>(k, k).norm() *
+                                 dense.block<3, 3>(gyro, gyro).norm()));
+            close(tail.with_rig.middleRows<3>(at) * information.asDiagonal(),
+                  dense.block(k, dense.cols() - r, 3, r) * information.asDiagonal());
+        }
     }
 }
 
