@@ -238,7 +238,7 @@ int FilterState::update(const Linearise& linearise, int max_iterations) {
     reduce_covariance(rows, reading);
     update_sensitivity(rows, sensitive);
     if (doubtful) {
-        innovations_.scale = told.sigmas(reading.dot(delta));
+        innovations_.scale = std::max(innovations_.scale, told.sigmas(reading.dot(delta)));
         doubt_scale(told, reading, &delta);
         step = scaled(delta, reading);
     }

@@ -52,4 +52,11 @@ inline Eigen::MatrixXd dense_covariance(batch::NormalEquations& equations,
     return scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
 }
 
+/// Gives c^T x, of the first unknowns x, `factor` times its variance, and all errors what they
+/// share of it.
+inline void widen(Eigen::MatrixXd& covariance, const Eigen::VectorXd& c, double factor) {
+    const Eigen::VectorXd with_c = covariance.leftCols(c.size()) * c;
+    covariance += (factor - 1) / c.dot(with_c.head(c.size())) * with_c * with_c.transpose();
+}
+
 }  // namespace vio::test

@@ -192,8 +192,7 @@ TEST_P(PublishedCovariances, AreTheDenseInverseMapped) {
     if (GetParam().widened) {
         constexpr double kFactor = 5;
         const Eigen::VectorXd c = scale_reading(model_, state_, *equations_);
-        const Eigen::VectorXd with_c = dense.leftCols(c.size()) * c;
-        dense += (kFactor - 1) / c.dot(with_c.head(c.size())) * with_c * with_c.transpose();
+        test::widen(dense, c, kFactor);
         equations_->widen(c, kFactor);
         EXPECT_NEAR(equations_->covariance(c)(0, 0),
                     c.dot(dense.topRows(c.size()).leftCols(c.size()) * c),

@@ -137,8 +137,7 @@ TEST_F(RigRefined, JointCovariancesAreThoseOfTheDenseInverse) {
         if (widened) {
             constexpr double kFactor = 5;
             const Eigen::VectorXd c = scale_reading(model_, state_, *equations_);
-            const Eigen::VectorXd with_c = dense.leftCols(n) * c;
-            dense += (kFactor - 1) / c.dot(with_c.head(n)) * with_c * with_c.transpose();
+            test::widen(dense, c, kFactor);
             equations_->widen(c, kFactor);
         }
         const BatchTail tail = publish_tail(model_, *objective_, state_, *equations_);
